@@ -1,0 +1,83 @@
+"""One command, `robust6dof`, with a lazily imported file for each subcommand.
+
+A subcommand's module has a frozen dataclass `Options(CommonOptions)`, whose field docstrings are
+its help, and `run(options)`. Both import nothing heavy at module level, so that `--help` is
+immediate.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+COMMANDS: dict[str, str] = {
+    "track": "follow an object through an RGB-D recording",
+    "guide": "guide the simulated aerial manipulator to an object",
+}
+"""Name of each subcommand (its module has the same name, with _ for -) and its one-line help."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code (0 only on success)."""
+    args = list(sys.argv[1:] if argv is None else argv)
+    if not args or args[0] in ("-h", "--help"):
+        print(_usage())
+        return 0 if args else 2
+    if args[0] == "--version":
+        from robust6dof import __version__
+
+        print(f"robust6dof {__version__}")
+        return 0
+    name, rest = args[0], args[1:]
+    if name not in COMMANDS:
+        print(f"robust6dof: no command '{name}'; there is: {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    return _run_command(name, rest)
+
+
+def _run_command(name: str, args: list[str]) -> int:
+    import tyro
+
+    from robust6dof.errors import Robust6dofError
+
+    module = importlib.import_module(f"robust6dof.cli.{name.replace('-', '_')}")
+    options = tyro.cli(
+        module.Options,
+        prog=f"robust6dof {name}",
+        description=module.__doc__,
+        args=args,
+    )
+    try:
+        module.run(options)
+    except Robust6dofError as error:
+        if options.debug:
+            raise
+        print(f"robust6dof {name}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"robust6dof {name}: interrupted; what was done is kept", file=sys.stderr)
+        return 130
+    except Exception as error:
+        if options.debug:
+            raise
+        print(
+            f"robust6dof {name}: unexpected {type(error).__name__}: {error} "
+            "(run again with --debug for the traceback)",
+            file=sys.stderr,
+        )
+        return 1
+    return 0
+
+
+def _usage() -> str:
+    width = max(map(len, COMMANDS))
+    rows = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: robust6dof COMMAND [options]     (robust6dof COMMAND --help for one command)",
+            "       robust6dof --version",
+            "",
+            *rows,
+        ]
+    )

@@ -1,0 +1,1 @@
+"""Readers of recordings and data sets; files of results."""

@@ -1,0 +1,1 @@
+"""Pure mathematics: transforms, rotations, cameras, points, boxes, alignment."""

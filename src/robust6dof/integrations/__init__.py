@@ -1,0 +1,1 @@
+"""Hardware and middleware, each an extra, imported lazily."""

@@ -1,0 +1,1 @@
+"""Robust6DoF's network: fusion, augmentation, keypoints and matching."""

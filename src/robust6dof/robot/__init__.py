@@ -1,0 +1,1 @@
+"""The aerial manipulator: arm, camera Jacobian, limits."""

@@ -1,0 +1,1 @@
+"""Interaction matrices and PAD-Servo."""

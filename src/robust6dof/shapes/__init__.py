@@ -1,0 +1,1 @@
+"""Textured meshes: procedural categories, users' own meshes, category priors."""

@@ -1,0 +1,1 @@
+"""Vehicle, arm, camera and target; the closed loop."""

@@ -1,0 +1,1 @@
+"""Keypoint pairs to a pose change."""

@@ -1,0 +1,1 @@
+"""From a frame and a prediction to the next pose."""

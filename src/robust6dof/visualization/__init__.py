@@ -1,0 +1,1 @@
+"""Overlays, videos and plots."""
