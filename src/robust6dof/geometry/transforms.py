@@ -37,7 +37,7 @@ def transform_points(T_dst_src: np.ndarray, points_src: np.ndarray) -> np.ndarra
 
 
 def rotation_angle(R: np.ndarray) -> np.ndarray:
-    """Angle [rad] of rotations [..., 3, 3], in [0, π].
+    """Angle [rad] of rotations [..., 3, 3], in [0, π]; 0-d for a single one.
 
     Uses ‖R − I‖_F = 2√2 sin(θ/2) below a right angle, which stays exact near the identity
     (arccos of the trace does not), and the trace beyond, where it is the exact one.
@@ -45,7 +45,7 @@ def rotation_angle(R: np.ndarray) -> np.ndarray:
     sin_half = np.linalg.norm(R - np.eye(3), axis=(-2, -1)) / (2.0 * np.sqrt(2.0))
     cos_half_sq = (np.trace(R, axis1=-2, axis2=-1) + 1.0) / 4.0
     cos_half = np.sqrt(np.clip(cos_half_sq, 0.0, None))
-    return 2.0 * np.arctan2(sin_half, cos_half)
+    return np.asarray(2.0 * np.arctan2(sin_half, cos_half))
 
 
 def rotation_error(R_a: np.ndarray, R_b: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def axis_error(R_a: np.ndarray, R_b: np.ndarray, axis: int = 1) -> np.ndarray:
     """Angle [rad] between one body axis of two rotations: the symmetric objects' error (y)."""
     a, b = R_a[..., :, axis], R_b[..., :, axis]
     cross = np.linalg.norm(np.cross(a, b), axis=-1)
-    return np.arctan2(cross, np.sum(a * b, axis=-1))
+    return np.asarray(np.arctan2(cross, np.sum(a * b, axis=-1)))
 
 
 def rotation_about_y(angle: float) -> Float[np.ndarray, "3 3"]:
