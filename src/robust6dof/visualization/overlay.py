@@ -1,0 +1,121 @@
+"""A pose drawn over the image: the object's box and its axes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from robust6dof.geometry.camera import project
+from robust6dof.geometry.transforms import transform_points
+
+YELLOW = (255, 210, 40)
+"""Predictions, as in the paper's figures (RGB)."""
+GREEN = (60, 220, 90)
+"""Ground truth, as in the paper's figures (RGB)."""
+AXIS_COLORS = ((235, 60, 60), (70, 200, 70), (70, 110, 245))
+"""x red, y green, z blue (RGB)."""
+
+_NEAR = 0.02
+_CORNER_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+_EDGES = [
+    (a, b)
+    for a in range(8)
+    for b in range(a + 1, 8)
+    if np.abs(_CORNER_SIGNS[a] - _CORNER_SIGNS[b]).sum() == 2
+]
+
+
+def draw_box_and_axes(
+    rgb: UInt8[np.ndarray, "H W 3"],
+    K: Float[np.ndarray, "3 3"],
+    T_cam_obj: Float[np.ndarray, "4 4"],
+    extents: Float[np.ndarray, "3"],
+    color: tuple[int, int, int] = YELLOW,
+    *,
+    axes: bool = True,
+    thickness: int = 2,
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Return a copy of the image with the object's box in `color` and its axes (x, y, z = r, g, b).
+
+    Parts behind the camera are cut off; a pose that is not finite draws nothing.
+
+    Args:
+        rgb: image.
+        K: pinhole intrinsics [px].
+        T_cam_obj: rigid transform, object centred on its box.
+        extents: side lengths of the box [m].
+        color: of the box, RGB.
+        axes: draw the axes too.
+        thickness: of the lines [px].
+    """
+    image = np.ascontiguousarray(rgb).copy()
+    if not (np.isfinite(T_cam_obj).all() and np.isfinite(extents).all()):
+        return image
+    corners_cam = transform_points(T_cam_obj, _CORNER_SIGNS * (extents / 2))
+    for a, b in _EDGES:
+        _draw_segment(image, K, corners_cam[a], corners_cam[b], color, thickness)
+    if axes:
+        centre = T_cam_obj[:3, 3]
+        for axis, axis_color in enumerate(AXIS_COLORS):
+            tip = centre + T_cam_obj[:3, axis] * (0.75 * max(extents[axis], 0.3 * extents.max()))
+            _draw_segment(image, K, centre, tip, axis_color, thickness + 1)
+    return image
+
+
+def draw_label(
+    rgb: UInt8[np.ndarray, "H W 3"], text: str, row: int = 0
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Return a copy with one line of text on a dark band at the top left; `row` counts down."""
+    image = np.ascontiguousarray(rgb).copy()
+    scale = image.shape[0] / 960.0
+    (width, height), baseline = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    step = height + baseline + 6
+    top = row * step
+    image[top : top + step, : width + 12] //= 3
+    origin = (6, top + height + 4)
+    cv2.putText(
+        image, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA
+    )
+    return image
+
+
+def colorize_depth(depth: np.ndarray, near: float = 0.3, far: float = 2.0) -> np.ndarray:
+    """Depth [m] as an RGB picture: near is warm, far is cold, invalid is black."""
+    level = np.clip((far - np.nan_to_num(depth)) / (far - near), 0.0, 1.0)
+    picture = cv2.applyColorMap((level * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    picture = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+    picture[~(np.isfinite(depth) & (depth > 0))] = 0
+    return picture
+
+
+def _draw_segment(
+    image: np.ndarray,
+    K: np.ndarray,
+    start_cam: np.ndarray,
+    end_cam: np.ndarray,
+    color: tuple[int, int, int],
+    thickness: int,
+) -> None:
+    clipped = _clip_to_near_plane(start_cam, end_cam)
+    if clipped is None:
+        return
+    ends = project(np.stack(clipped), K)
+    # OpenCV's lines take 16-bit-like ranges; far outside the image nothing is visible anyway.
+    if np.abs(ends).max() > 1e5:
+        return
+    (x0, y0), (x1, y1) = np.rint(ends).astype(int)
+    cv2.line(image, (int(x0), int(y0)), (int(x1), int(y1)), color, thickness, cv2.LINE_AA)
+
+
+def _clip_to_near_plane(
+    start_cam: np.ndarray, end_cam: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    if start_cam[2] < _NEAR and end_cam[2] < _NEAR:
+        return None
+    if start_cam[2] >= _NEAR and end_cam[2] >= _NEAR:
+        return start_cam, end_cam
+    crossing = start_cam + (end_cam - start_cam) * (
+        (_NEAR - start_cam[2]) / (end_cam[2] - start_cam[2])
+    )
+    return (crossing, end_cam) if start_cam[2] < _NEAR else (start_cam, crossing)
