@@ -1,0 +1,1 @@
+"""The synthetic world: aerial camera motion, tabletop scenes, sequences, AerialPose-Sim."""
