@@ -1,0 +1,125 @@
+"""A serial arm of revolute joints with a camera in its hand, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from robust6dof.errors import InputError
+from robust6dof.geometry.transforms import make_transform
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A revolute joint and where it sits on the link before it."""
+
+    name: str
+    T_parent_joint: Float[np.ndarray, "4 4"]
+    """The joint's frame in its parent's, at zero angle."""
+    axis: Float[np.ndarray, "3"]
+    """Unit vector in the joint's frame."""
+    lower: float
+    """Limit of the angle [rad]."""
+    upper: float
+    """Limit of the angle [rad]."""
+    max_rate: float
+    """Limit of the speed, either way [rad/s]."""
+    max_torque: float = np.inf
+    """Limit of the torque, either way [N·m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body of the arm; its frame is that of the joint that moves it."""
+
+    name: str
+    mass: float
+    """[kg]"""
+    center_of_mass: Float[np.ndarray, "3"]
+    """In the link's frame [m]."""
+    inertia: Float[np.ndarray, "3 3"]
+    """About the centre of mass, along the link's axes [kg·m²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A chain of joints from a base to a camera.
+
+    Raises:
+        InputError: no joint, or a joint whose limits leave it no room.
+    """
+
+    name: str
+    base: Link
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    """The moving links, one for each joint."""
+    T_tip_cam: Float[np.ndarray, "4 4"]
+    """The camera (OpenCV axes) in the last link's frame."""
+    rest: Float[np.ndarray, "N"]
+    """The posture [rad] that redundancy pulls towards."""
+
+    def __post_init__(self) -> None:
+        if not self.joints or len(self.joints) != len(self.links):
+            raise InputError(f"arm {self.name}: needs at least one joint, and a link for each")
+        for joint in self.joints:
+            if not joint.lower < joint.upper or joint.max_rate <= 0:
+                raise InputError(
+                    f"arm {self.name}, joint {joint.name}: limits {joint.lower} to {joint.upper} "
+                    f"rad at {joint.max_rate} rad/s leave no motion"
+                )
+            if not np.isclose(np.linalg.norm(joint.axis), 1.0):
+                raise InputError(f"arm {self.name}, joint {joint.name}: the axis is no unit vector")
+
+    @property
+    def lower(self) -> Float[np.ndarray, "N"]:
+        """Lower limits [rad]."""
+        return np.array([joint.lower for joint in self.joints])
+
+    @property
+    def upper(self) -> Float[np.ndarray, "N"]:
+        """Upper limits [rad]."""
+        return np.array([joint.upper for joint in self.joints])
+
+    @property
+    def max_rates(self) -> Float[np.ndarray, "N"]:
+        """Limits of the joint rates, either way [rad/s]."""
+        return np.array([joint.max_rate for joint in self.joints])
+
+    @property
+    def mass(self) -> float:
+        """Mass of the arm with its base and camera [kg]."""
+        return self.base.mass + sum(link.mass for link in self.links)
+
+    def T_base_links(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "N 4 4"]:
+        """Forward kinematics: every moving link's frame in the arm's base.
+
+        Raises:
+            InputError: as many angles as joints are needed.
+        """
+        if joints.shape != (len(self.joints),):
+            raise InputError(
+                f"arm {self.name} has {len(self.joints)} joints, got angles {joints.shape}"
+            )
+        T_base_link = np.eye(4)
+        frames = []
+        for joint, angle in zip(self.joints, joints, strict=True):
+            turn = Rotation.from_rotvec(angle * joint.axis).as_matrix()
+            T_base_link = T_base_link @ joint.T_parent_joint @ make_transform(turn, np.zeros(3))
+            frames.append(T_base_link)
+        return np.stack(frames)
+
+    def T_base_cam(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "4 4"]:
+        """The camera in the arm's base."""
+        return self.T_base_links(joints)[-1] @ self.T_tip_cam
+
+
+def paper_frame(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """A rotation whose third column is `axis`: the paper's link frames turn about their z."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
