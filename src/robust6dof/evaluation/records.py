@@ -1,0 +1,89 @@
+"""One line of truth and prediction per frame and object: what every protocol scores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
+from robust6dof.frames import SYMMETRIC_CATEGORIES
+from robust6dof.geometry.boxes import BoxIou, box_iou
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseRecord:
+    """The truth about one object in one frame, and the pose that a tracker gave for it."""
+
+    sequence: str
+    frame: int
+    object: str
+    category: str
+    T_cam_obj_true: Float[np.ndarray, "4 4"]
+    extents_true: Float[np.ndarray, "3"]
+    """Side lengths of the true box [m]; NaN where the data set has none."""
+    T_cam_obj: Float[np.ndarray, "4 4"] | None = None
+    """The predicted pose; None where it is missing."""
+    extents: Float[np.ndarray, "3"] | None = None
+    """Predicted side lengths [m]."""
+    confidence: float = 1.0
+    lost: bool = False
+    """The tracker called itself lost: what it gave is no claim."""
+    visibility: float = 1.0
+    """Share of the object's silhouette that is in view, 0 to 1."""
+    symmetric: bool = False
+    """Turning the object about its y axis changes nothing."""
+    handle_visible: bool = True
+    difficulty: str = ""
+
+
+def by_category(record: PoseRecord) -> bool:
+    """The usual rule of symmetry: bottle, bowl, can; never a mug."""
+    return record.category in SYMMETRIC_CATEGORIES
+
+
+def by_category_and_handle(record: PoseRecord) -> bool:
+    """Bottle, bowl, can, and a mug whose handle is hidden in this frame."""
+    hidden_handle = record.category == "mug" and not record.handle_visible
+    return by_category(record) or hidden_handle
+
+
+class PoseBatch:
+    """Records as arrays. Errors of missing poses are infinite, their IoU is zero."""
+
+    def __init__(self, records: Sequence[PoseRecord], symmetric: Sequence[bool]) -> None:
+        self.symmetric = np.asarray(symmetric, bool).reshape(len(records))
+        self.category = np.array([record.category for record in records])
+        self.found = np.array([record.T_cam_obj is not None for record in records], bool)
+        poses = [np.eye(4) if r.T_cam_obj is None else r.T_cam_obj for r in records]
+        sizes = [r.extents_true if r.extents is None else r.extents for r in records]
+        self.T_cam_obj = np.array(poses, float).reshape(-1, 4, 4)
+        self.extents = np.array(sizes, float).reshape(-1, 3)
+        truths = [record.T_cam_obj_true for record in records]
+        self.T_cam_obj_true = np.array(truths, float).reshape(-1, 4, 4)
+        self.extents_true = np.array([r.extents_true for r in records], float).reshape(-1, 3)
+
+    def R_err_deg(self) -> Float[np.ndarray, "N"]:
+        errors = rotation_err_deg(self.T_cam_obj, self.T_cam_obj_true, self.symmetric)
+        return np.where(self.found, errors, np.inf)
+
+    def T_err_cm(self) -> Float[np.ndarray, "N"]:
+        return np.where(self.found, translation_err_cm(self.T_cam_obj, self.T_cam_obj_true), np.inf)
+
+    def iou(self, kind: BoxIou) -> Float[np.ndarray, "N"]:
+        """IoU of the predicted with the true box; the prediction turns where symmetric."""
+        iou = box_iou(
+            kind,
+            self.T_cam_obj,
+            self.extents,
+            self.T_cam_obj_true,
+            self.extents_true,
+            self.symmetric,
+        )
+        return np.where(self.found, iou, 0.0)
+
+    def of_category(self) -> dict[str, Bool[np.ndarray, "N"]]:
+        """Which rows belong to each category present, in alphabetical order."""
+        return {str(name): self.category == name for name in np.unique(self.category)}
