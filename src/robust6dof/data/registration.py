@@ -27,7 +27,7 @@ def register_depth(
 
     Neighbouring pixels of one surface are joined to triangles, drawn with a z-buffer and with
     1/z linear over the image: exact on planes, and dense when the colour image is the finer one.
-    A pixel without such neighbours colours the one pixel it falls on.
+    Lone pixels, and those at a border that the triangles leave out, fill the pixel they fall on.
 
     Args:
         depth: distance along the depth camera's axis [m]; 0 or not finite where invalid.
@@ -41,8 +41,9 @@ def register_depth(
     """
     width, height = color_size
     vertices = _project_grid(depth, K_depth, K_color, T_color_depth)
-    inverse_depth = np.zeros((height, width))
-    _draw_surface(vertices, inverse_depth, 1.0 + MAX_RELATIVE_STEP)
+    inverse_depth, border = np.zeros((height, width)), np.zeros((height, width))
+    _draw_surface(vertices, inverse_depth, border, 1.0 + MAX_RELATIVE_STEP)
+    inverse_depth = np.where(inverse_depth > 0, inverse_depth, border)
     registered = np.zeros((height, width), dtype=np.float32)
     np.divide(1.0, inverse_depth, out=registered, where=inverse_depth > 0, casting="unsafe")
     return registered
@@ -66,8 +67,9 @@ def _project_grid(
 
 @numba.njit(cache=True, nogil=True)
 @no_type_check
-def _draw_surface(vertices, inverse_depth, max_ratio):
-    """Draw the quads of the grid [H, W, 3] into the z-buffer `inverse_depth` (nearest wins)."""
+def _draw_surface(vertices, inverse_depth, border, max_ratio):
+    """Draw the grid [H, W, 3]: its surfaces and lone pixels into the z-buffer `inverse_depth`
+    (nearest wins), and where the pixels of surfaces fall into `border`."""
     corners = np.empty((4, 3))
     height, width, _ = vertices.shape
     joined = np.zeros((height, width), dtype=np.bool_)
@@ -88,8 +90,8 @@ def _draw_surface(vertices, inverse_depth, max_ratio):
                     break
     for row in range(height):
         for column in range(width):
-            if not joined[row, column]:
-                _draw_point(vertices[row, column], inverse_depth)
+            lone = not joined[row, column]
+            _draw_point(vertices[row, column], inverse_depth if lone else border)
 
 
 @numba.njit(cache=True, nogil=True)
