@@ -1,1 +1,1 @@
-"""Robust6DoF's network: fusion, augmentation, keypoints and matching."""
+"""The paper's network: stage 1 (fusion), stage 2 (augmentation), stage 3 (keypoints, matching)."""

@@ -1,0 +1,105 @@
+"""The three attentions of the paper: multi-head, offset (weight-shared) and low-rank."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor, nn
+
+
+def attend(query: Tensor, key: Tensor, value: Tensor, scale: float | None = None) -> Tensor:
+    """Softmax(scale · q kᵀ) v over the last two axes; scale is 1/√d unless given."""
+    return F.scaled_dot_product_attention(query, key, value, scale=scale)
+
+
+def split_heads(x: Float[Tensor, "B N D"], heads: int) -> Float[Tensor, "B h N e"]:
+    """Cut the features into heads."""
+    return x.unflatten(-1, (heads, -1)).transpose(1, 2)
+
+
+def merge_heads(x: Float[Tensor, "B h N e"]) -> Float[Tensor, "B N D"]:
+    """Concatenate the heads again."""
+    return x.transpose(1, 2).flatten(2)
+
+
+class MultiHead(nn.Module):
+    """Scaled dot-product attention with several heads."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.query = nn.Linear(width, width)
+        self.key_value = nn.Linear(width, 2 * width)
+        self.out = nn.Linear(width, width)
+
+    def forward(
+        self, query: Float[Tensor, "B N D"], memory: Float[Tensor, "B M D"]
+    ) -> Float[Tensor, "B N D"]:
+        """MultiHead(query, memory, memory)."""
+        key, value = self.key_value(memory).chunk(2, -1)
+        q, k, v = (split_heads(x, self.heads) for x in (self.query(query), key, value))
+        return self.out(merge_heads(attend(q, k, v)))
+
+
+class OffsetAttention(nn.Module):
+    """Weight-shared attention, Eq. wsa-1 and wsa-2, for both modalities at once.
+
+    F_c = φ(α(q(I) k(P)ᵀ) v(I) − q(I)) and the same with I and P exchanged; q, k, v and φ are the
+    same for both.
+    """
+
+    def __init__(self, width: int, scaled: bool) -> None:
+        super().__init__()
+        self.scale = width**-0.5 if scaled else 1.0
+        self.qkv = nn.Linear(width, 3 * width)
+        self.out = nn.Linear(width, width)
+
+    def forward(
+        self, pixels: Float[Tensor, "B N D"], points: Float[Tensor, "B N D"]
+    ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B N D"]]:
+        """The fused (F_c, F_g)."""
+        q, k, v = self.qkv(torch.stack([pixels, points])).chunk(3, -1)
+        offset = attend(q, k.flip(0), v, self.scale) - q
+        f_c, f_g = F.relu(self.out(offset)).unbind(0)
+        return f_c, f_g
+
+
+class LowRankAttention(nn.Module):
+    """Multi-head attention over k contracted keys, Eq. msa-1: O(N k) instead of O(N²).
+
+    The contraction comes from `context`, normalised over the N points by a softmax, so that it is
+    an average whatever N is. Each head's result is concatenated, without a further projection.
+    """
+
+    def __init__(self, width: int, heads: int, rank: int, shared: bool = False) -> None:
+        super().__init__()
+        self.heads, self.rank, self.shared = heads, rank, shared
+        self.contract = nn.Linear(width, rank if shared else 2 * rank)
+        self.query = nn.Linear(width, width)
+        self.key = nn.Linear(width, width)
+        self.value = nn.Linear(width, width)
+
+    def forward(
+        self,
+        query: Float[Tensor, "B N D"],
+        key: Float[Tensor, "B M D"],
+        value: Float[Tensor, "B M D"],
+        context: Float[Tensor, "B M D"],
+    ) -> Float[Tensor, "B N D"]:
+        """Softmax(q (X k)ᵀ/√d) · (Y v), heads concatenated."""
+        contraction = self.contract(context).mT.softmax(-1)
+        X, Y = (contraction, contraction) if self.shared else contraction.split(self.rank, 1)
+        # X (F(k)) = F(X k), as the rows of X sum to 1: contract before the linear layer.
+        q, k, v = self.query(query), self.key(X @ key), self.value(Y @ value)
+        q, k, v = (split_heads(x, self.heads) for x in (q, k, v))
+        return merge_heads(attend(q, k, v))
+
+
+class FeedForward(nn.Sequential):
+    """Two linear layers."""
+
+    def __init__(self, width: int, ratio: int) -> None:
+        super().__init__(
+            nn.Linear(width, ratio * width), nn.GELU(), nn.Linear(ratio * width, width)
+        )
