@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot import velocity_transmission as transmission
-from robust6dof.robot.arm import Arm, paper_frame
+from robust6dof.robot.arm import Arm
 from robust6dof.robot.mjcf import read_mjcf_arm
 
 DEFAULT_ARM = files("robust6dof.robot") / "resources" / "yaw_pitch_pitch_roll.xml"
@@ -32,8 +32,7 @@ class AerialManipulator:
 
     def T_body_axes(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "N 4 4"]:
         """The paper's frames L_i: at the links' origins, z along the joint's axis."""
-        align = [make_transform(paper_frame(j.axis), np.zeros(3)) for j in self.arm.joints]
-        return self.T_body_links(joints) @ np.stack(align)
+        return self.T_body_links(joints) @ self.arm.T_links_axes
 
     def T_body_cam(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "4 4"]:
         """The camera (OpenCV axes) in the body frame."""
@@ -41,7 +40,10 @@ class AerialManipulator:
 
     def camera_jacobian(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "6 M"]:
         """J of Eq. 3 (6×10 for four joints): V_C = J (ṗ, ω, η̇), all in own axes."""
-        return transmission.camera_jacobian(self.T_body_cam(joints), self.T_body_axes(joints))
+        T_body_links = self.T_body_links(joints)
+        return transmission.camera_jacobian(
+            T_body_links[-1] @ self.arm.T_tip_cam, T_body_links @ self.arm.T_links_axes
+        )
 
     def vehicle_jacobian(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "6 6"]:
         """r̄_C^B of the velocity transmission, its cross product [r]× put back."""

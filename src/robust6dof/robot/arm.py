@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -74,17 +75,30 @@ class Arm:
             if not np.isclose(np.linalg.norm(joint.axis), 1.0):
                 raise InputError(f"arm {self.name}, joint {joint.name}: the axis is no unit vector")
 
-    @property
+    @cached_property
+    def _mounts(self) -> Float[np.ndarray, "N 4 4"]:
+        return np.stack([joint.T_parent_joint for joint in self.joints])
+
+    @cached_property
+    def _axes(self) -> Float[np.ndarray, "N 3"]:
+        return np.stack([joint.axis for joint in self.joints])
+
+    @cached_property
+    def T_links_axes(self) -> Float[np.ndarray, "N 4 4"]:
+        """The paper's frames L_i in the links': same origin, z along the joint's axis."""
+        return np.stack([make_transform(_frame_about(axis), np.zeros(3)) for axis in self._axes])
+
+    @cached_property
     def lower(self) -> Float[np.ndarray, "N"]:
         """Lower limits [rad]."""
         return np.array([joint.lower for joint in self.joints])
 
-    @property
+    @cached_property
     def upper(self) -> Float[np.ndarray, "N"]:
         """Upper limits [rad]."""
         return np.array([joint.upper for joint in self.joints])
 
-    @property
+    @cached_property
     def max_rates(self) -> Float[np.ndarray, "N"]:
         """Limits of the joint rates, either way [rad/s]."""
         return np.array([joint.max_rate for joint in self.joints])
@@ -104,21 +118,20 @@ class Arm:
             raise InputError(
                 f"arm {self.name} has {len(self.joints)} joints, got angles {joints.shape}"
             )
-        T_base_link = np.eye(4)
-        frames = []
-        for joint, angle in zip(self.joints, joints, strict=True):
-            turn = Rotation.from_rotvec(angle * joint.axis).as_matrix()
-            T_base_link = T_base_link @ joint.T_parent_joint @ make_transform(turn, np.zeros(3))
-            frames.append(T_base_link)
-        return np.stack(frames)
+        steps = self._mounts.copy()
+        turns = Rotation.from_rotvec(joints[:, None] * self._axes).as_matrix()
+        steps[:, :3, :3] = steps[:, :3, :3] @ turns
+        for i in range(1, len(steps)):
+            steps[i] = steps[i - 1] @ steps[i]
+        return steps
 
     def T_base_cam(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "4 4"]:
         """The camera in the arm's base."""
         return self.T_base_links(joints)[-1] @ self.T_tip_cam
 
 
-def paper_frame(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """A rotation whose third column is `axis`: the paper's link frames turn about their z."""
+def _frame_about(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """A rotation whose third column is `axis`."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)

@@ -19,12 +19,14 @@ TILT_COLUMNS = (3, 4)
 """Columns of q̇ that the vehicle's dynamics take for themselves: ∇ = (ω_x, ω_y)."""
 
 
-def generalized_transform(T_beta_alpha: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6 6"]:
+def generalized_transform(
+    T_beta_alpha: Float[np.ndarray, "*batch 4 4"],
+) -> Float[np.ndarray, "*batch 6 6"]:
     """U_α^β of Eq. 4: [[R, 0], [[r]× R, R]], R and r of frame α in frame β."""
-    R, r = T_beta_alpha[:3, :3], T_beta_alpha[:3, 3]
-    U = np.zeros((6, 6))
-    U[:3, :3] = U[3:, 3:] = R
-    U[3:, :3] = skew(r) @ R
+    R, r = T_beta_alpha[..., :3, :3], T_beta_alpha[..., :3, 3]
+    U = np.zeros((*R.shape[:-2], 6, 6))
+    U[..., :3, :3] = U[..., 3:, 3:] = R
+    U[..., 3:, :3] = skew(r) @ R
     return U
 
 
@@ -41,11 +43,9 @@ def camera_jacobian(
         [6, 6 + N]; Eq. 3 with its z = (0, 0, 0, 0, 0, 1)ᵀ.
     """
     z = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    columns = [
-        generalized_transform(invert_transform(T_body_axis) @ T_body_cam).T @ z
-        for T_body_axis in T_body_axes
-    ]
-    return np.column_stack([generalized_transform(T_body_cam).T, *columns])
+    U_joints = generalized_transform(invert_transform(T_body_axes) @ T_body_cam)
+    joint_columns = np.swapaxes(U_joints, -1, -2) @ z
+    return np.hstack([generalized_transform(T_body_cam).T, joint_columns.T])
 
 
 def printed_camera_jacobian(

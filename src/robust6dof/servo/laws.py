@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robust6dof.robot.aerial_manipulator import AerialManipulator
+from robust6dof.robot.velocity_transmission import TILT_COLUMNS, VEHICLE_COLUMNS
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.interaction import (
     extended_image_point,
@@ -37,8 +38,25 @@ class Sight:
     """[rad]"""
     tilt_rates: Float[np.ndarray, "2"]
     """∇: the vehicle's measured (ω_x, ω_y), body frame [rad/s]."""
+    J: Float[np.ndarray, "6 M"]
+    """The camera's Jacobian at these joints, Eq. 3."""
     symmetric: bool = False
     """Whether turns of the object about its y axis mean nothing."""
+
+    @property
+    def J_s(self) -> Float[np.ndarray, "6 4"]:
+        """Camera velocity per υ = (v_x, v_y, v_z, ω_z)."""
+        return self.J[:, VEHICLE_COLUMNS]
+
+    @property
+    def J_s_bar(self) -> Float[np.ndarray, "6 2"]:
+        """Camera velocity per ∇."""
+        return self.J[:, TILT_COLUMNS]
+
+    @property
+    def J_mr(self) -> Float[np.ndarray, "6 N"]:
+        """Camera velocity per joint rates."""
+        return self.J[:, 6:]
 
     @property
     def translation_error(self) -> Float[np.ndarray, "3"]:
@@ -64,15 +82,13 @@ def printed_law(
             sight.T_cam_obj[:3, :3], sight.T_cam_obj_goal[:3, :3]
         )
     omega = -config.lambda_r * theta_u  # L⁻¹ θu = θu: both printed branches are this one
-    J_mr = robot.camera_arm_jacobian(sight.joints)
     if config.rotation_rows == "all":
-        joint_rates = _invert(J_mr, config) @ np.concatenate([np.zeros(3), omega])
+        joint_rates = _invert(sight.J_mr, config) @ np.concatenate([np.zeros(3), omega])
     else:
-        joint_rates = _invert(J_mr[3:], config) @ omega
+        joint_rates = _invert(sight.J_mr[3:], config) @ omega
     L_inverse = _invert(point_interaction(sight.T_cam_obj[:3, 3]), config)
     V_vehicle = -config.lambda_p * L_inverse @ sight.translation_error
-    J_s, J_s_bar = robot.command_jacobian(sight.joints), robot.tilt_jacobian(sight.joints)
-    upsilon = _invert(J_s, config) @ (V_vehicle - J_s_bar @ sight.tilt_rates)
+    upsilon = _invert(sight.J_s, config) @ (V_vehicle - sight.J_s_bar @ sight.tilt_rates)
     low, high = joint_rate_bounds(robot, sight.joints, config)
     return np.concatenate([upsilon, np.clip(joint_rates, low, high)])
 
@@ -114,8 +130,8 @@ def solve_task(
     others make up for it.
     """
     joints = sight.joints
-    A = task @ np.hstack([robot.command_jacobian(joints), robot.camera_arm_jacobian(joints)])
-    b = wanted - task @ robot.tilt_jacobian(joints) @ sight.tilt_rates
+    A = task @ np.hstack([sight.J_s, sight.J_mr])
+    b = wanted - task @ sight.J_s_bar @ sight.tilt_rates
     n = len(joints)
     weights = np.concatenate(
         [np.full(3, config.vehicle_weight), [config.yaw_weight], np.full(n, config.joint_weight)]

@@ -54,6 +54,7 @@ class _Reading:
 
     joints: Float[np.ndarray, "N"]
     tilt_rates: Float[np.ndarray, "2"]
+    J: Float[np.ndarray, "6 M"]
     camera_twist: Float[np.ndarray, "6"]
     height: float | None
     now: float
@@ -144,9 +145,11 @@ class PadServo:
         self, T_cam_obj_goal: Float[np.ndarray, "4 4"], reading: _Reading, symmetric: bool
     ) -> ServoCommand:
         T_cam_obj = self.memory.T_cam_obj
-        sight = Sight(T_cam_obj, T_cam_obj_goal, reading.joints, reading.tilt_rates, symmetric)
+        sight = Sight(
+            T_cam_obj, T_cam_obj_goal, reading.joints, reading.tilt_rates, reading.J, symmetric
+        )
         command, target_velocity = self._law(sight)
-        command = self._make_safe(command, reading, sight.T_cam_obj[:3, 3])
+        command = self._make_safe(command, sight, reading)
         translation, rotation = _errors(T_cam_obj, T_cam_obj_goal, symmetric)
         state = self._stop_test(translation, rotation)
         self.memory = replace(
@@ -177,21 +180,17 @@ class PadServo:
                 return command, R_body_cam @ twist[:3]
 
     def _make_safe(
-        self,
-        command: Float[np.ndarray, "M"],
-        reading: _Reading,
-        t_cam_obj: Float[np.ndarray, "3"],
+        self, command: Float[np.ndarray, "M"], sight: Sight, reading: _Reading
     ) -> Float[np.ndarray, "M"]:
-        limits, robot = self.config.limits, self.robot
+        limits, max_rates = self.config.limits, self.robot.arm.max_rates
         elapsed = reading.now - self.memory.command_time
         dt = float(np.clip(elapsed, 0.0, 2 * self.config.period)) or self.config.period
-        command = saturate(command, robot.arm.max_rates, limits)
+        command = saturate(command, max_rates, limits)
         command = limit_acceleration(command, self.memory.command[:3], dt, limits)
-        J = np.hstack(
-            [robot.command_jacobian(reading.joints), robot.camera_arm_jacobian(reading.joints)]
-        )
-        command = keep_clear(command, t_cam_obj, J[:3], reading.height, limits)
-        return saturate(command, robot.arm.max_rates, limits)
+        J_command = np.hstack([sight.J_s, sight.J_mr])[:3]
+        t_cam_obj = self.memory.T_cam_obj[:3, 3]
+        command = keep_clear(command, t_cam_obj, J_command, reading.height, limits)
+        return saturate(command, max_rates, limits)
 
     def _stop_test(self, translation: float, rotation: float) -> ServoState:
         """Both errors below their thresholds; left only beyond `hysteresis` times either."""
@@ -245,9 +244,9 @@ def _read(
     if not np.isfinite(values).all():
         return None
     tilt_rates = np.clip(tilt_rates, -config.max_tilt_rate, config.max_tilt_rate)
-    J_command = np.hstack([robot.command_jacobian(joints), robot.camera_arm_jacobian(joints)])
-    camera_twist = J_command @ own + robot.tilt_jacobian(joints) @ tilt_rates
-    return _Reading(joints, tilt_rates, camera_twist, height, now)
+    J = robot.camera_jacobian(joints)
+    camera_twist = J @ np.concatenate([own[:3], tilt_rates, own[3:]])
+    return _Reading(joints, tilt_rates, J, camera_twist, height, now)
 
 
 def _errors(
