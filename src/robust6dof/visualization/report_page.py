@@ -1,4 +1,4 @@
-"""A self-contained page: text, tables, pictures and videos in one HTML file that needs no server."""
+"""A self-contained page: text, tables, pictures and videos in one HTML file."""
 
 from __future__ import annotations
 
