@@ -1,0 +1,125 @@
+"""Exact depth to what a stereo matcher measures: effect by effect, in disparity.
+
+Formulas and sources: docs/sensor-model.md.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+from scipy.special import ndtri
+
+from robust6dof.rendering import depth_kernels
+from robust6dof.rendering.noise_fields import smooth_noise
+from robust6dof.rendering.scene import Rendering
+from robust6dof.rendering.sensor_config import StereoSensorConfig
+
+_SHINY_LUMINANCE = 250
+# Φ⁻¹ of dropout probabilities 0, 1/1024, …, 1: a Gaussian field below it is a hole.
+_HOLE_THRESHOLDS = ndtri(np.linspace(0.0, 1.0, 1025))
+
+
+def observe_depth(
+    rendering: Rendering,
+    K: Float[np.ndarray, "3 3"],
+    config: StereoSensorConfig,
+    rng: np.random.Generator,
+) -> Float32[np.ndarray, "H W"]:
+    """Depth [m] as the stereo camera reports it; 0 where it finds no match."""
+    height, width = rendering.depth.shape
+    stereo_per_image = config.stereo_focal_px / K[0, 0]
+    focal_baseline = config.stereo_focal_px * config.baseline_m
+    disparity = depth_kernels.to_disparity(rendering.depth, focal_baseline)
+    matched = _fatten(disparity, config, rng)
+    if config.occlusion:
+        depth_kernels.drop_occluded(
+            disparity, matched, stereo_per_image, _left_edge(config, stereo_per_image * K[0, 2])
+        )
+    noise = _field(config.disparity_noise_px, config.noise_correlation_px, disparity.shape, rng)
+    depth = np.empty((height, width), np.float32)
+    depth_kernels.measure(
+        rendering.depth,
+        disparity,
+        matched,
+        noise,
+        focal_baseline,
+        _search_limit(config),
+        focal_baseline / config.max_range_m if config.max_range_m > 0 else 0.0,
+        float(config.disparity_step_px),
+        float(config.depth_unit_m),
+        depth,
+    )
+    if _has_dropouts(config):
+        correlation = (config.dropout_correlation_px, config.dropout_correlation_px)
+        depth_kernels.drop_out(
+            disparity,
+            luminance(rendering.rgb),
+            _field(1.0, correlation, disparity.shape, rng),
+            _dropout_by_luminance(config),
+            np.cos(np.radians(np.array(config.grazing_deg, np.float64))),
+            np.asarray(K, np.float64),
+            _HOLE_THRESHOLDS,
+            depth,
+        )
+    return depth
+
+
+def _left_edge(config: StereoSensorConfig, centre_px: float) -> float:
+    """Where the right stereo image begins, in stereo pixels from the colour image's left edge."""
+    return centre_px - config.stereo_width_px / 2 if config.stereo_width_px > 0 else -np.inf
+
+
+def _search_limit(config: StereoSensorConfig) -> float:
+    return float(config.max_disparity_px) if config.max_disparity_px > 0 else np.inf
+
+
+def _has_dropouts(config: StereoSensorConfig) -> bool:
+    probabilities = (config.dark_dropout, config.shiny_dropout, config.base_dropout)
+    return max(probabilities) > 0 or config.grazing_deg[0] < 90.0
+
+
+def _field(
+    sigma: float,
+    correlation_px: tuple[float, float],
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+) -> Float32[np.ndarray, "H W"]:
+    if sigma <= 0:
+        return np.zeros(shape, np.float32)
+    return np.float32(sigma) * smooth_noise(*shape, *correlation_px, rng)
+
+
+def _fatten(
+    disparity: Float32[np.ndarray, "H W"], config: StereoSensorConfig, rng: np.random.Generator
+) -> Float32[np.ndarray, "H W"]:
+    """Let near surfaces grow over their outlines, by a width that varies smoothly."""
+    widest = round(config.edge_fattening_px + 2 * config.edge_jitter_px)
+    matched = disparity.copy()
+    if widest < 1:
+        return matched
+    grown = np.empty((widest, *disparity.shape), np.float32)
+    square = np.ones((3, 3), np.uint8)
+    for i in range(widest):
+        cv2.dilate(disparity if i == 0 else grown[i - 1], square, dst=grown[i])
+    growth = _field(config.edge_jitter_px, (3.0, 3.0), disparity.shape, rng)
+    depth_kernels.fatten(
+        grown, growth, config.edge_fattening_px, float(config.edge_disparity_px), matched
+    )
+    return matched
+
+
+def _dropout_by_luminance(config: StereoSensorConfig) -> Float[np.ndarray, "256"]:
+    """Probability of a dropout for each 8-bit luminance."""
+    levels = np.arange(256)
+    probability = np.full(256, float(config.base_dropout))
+    if config.dark_level > 0:
+        fade = np.clip((config.dark_level - levels) / config.dark_level, 0.0, 1.0)
+        probability = np.maximum(probability, config.dark_dropout * fade)
+    shiny = np.where(levels > _SHINY_LUMINANCE, config.shiny_dropout, 0.0)
+    return np.maximum(probability, shiny)
+
+
+def luminance(rgb: UInt8[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "H W"]:
+    """Rec. 601 luma, what the infrared imagers see of the colour rendering."""
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
