@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +11,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from robust6dof.errors import InputError
-from robust6dof.geometry.transforms import make_transform
+from robust6dof.geometry.transforms import make_transform, skew, transform_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +129,64 @@ class Arm:
     def T_base_cam(self, joints: Float[np.ndarray, "N"]) -> Float[np.ndarray, "4 4"]:
         """The camera in the arm's base."""
         return self.T_base_links(joints)[-1] @ self.T_tip_cam
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One body of a chain as a model file lists it, fixed to the one before or jointed."""
+
+    T_parent_body: Float[np.ndarray, "4 4"]
+    link: Link
+    joint: Joint | None
+    """None where the body is fixed; its mass then goes to the link it is fixed to."""
+
+
+def build_arm(
+    name: str,
+    base: Link,
+    segments: Sequence[Segment],
+    T_tip_cam: Float[np.ndarray, "4 4"],
+    max_rates: Float[np.ndarray, "N"] | None = None,
+    rest: Float[np.ndarray, "N"] | None = None,
+) -> Arm:
+    """Put a chain of bodies together.
+
+    Args:
+        T_tip_cam: the camera in the last body's frame.
+        max_rates: limits of the joint rates [rad/s]; the joints' own where None.
+        rest: posture to rest in [rad]; the middle of the ranges where None.
+    """
+    joints: list[Joint] = []
+    links = [base]
+    T_link_body = np.eye(4)
+    for segment in segments:
+        T_link_body = T_link_body @ segment.T_parent_body
+        if segment.joint is None:
+            links[-1] = merge_links(links[-1], segment.link, T_link_body)
+            continue
+        joints.append(replace(segment.joint, T_parent_joint=T_link_body))
+        links.append(segment.link)
+        T_link_body = np.eye(4)
+    if max_rates is not None:
+        joints = [replace(j, max_rate=float(r)) for j, r in zip(joints, max_rates, strict=True)]
+    if rest is None:
+        rest = np.array([(joint.lower + joint.upper) / 2 for joint in joints])
+    return Arm(name, links[0], tuple(joints), tuple(links[1:]), T_link_body @ T_tip_cam, rest)
+
+
+def merge_links(link: Link, fixed: Link, T_link_fixed: Float[np.ndarray, "4 4"]) -> Link:
+    """One rigid body of a link and another fixed to it (parallel axis theorem)."""
+    mass = link.mass + fixed.mass
+    if mass == 0:
+        return link
+    R = T_link_fixed[:3, :3]
+    com_fixed = transform_points(T_link_fixed, fixed.center_of_mass)
+    com = (link.mass * link.center_of_mass + fixed.mass * com_fixed) / mass
+    inertia = link.inertia + R @ fixed.inertia @ R.T
+    for part_mass, part_com in ((link.mass, link.center_of_mass), (fixed.mass, com_fixed)):
+        arm = skew(part_com - com)
+        inertia = inertia - part_mass * arm @ arm
+    return Link(link.name, mass, com, inertia)
 
 
 def _frame_about(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -5,13 +5,13 @@ The subset: nested `body` elements with `pos` and `quat`, `axisangle`, `euler` (
 its origin; `inertial` with `diaginertia` or `fullinertia`; nested `default` classes and
 `childclass`; `compiler angle`; a `keyframe` named `home`; `custom/numeric joint_rate_limits`
 (rad/s, MJCF itself has no such limit). The chain runs from the first body of the world to the
-camera's body; branches (a gripper) are left out. A site named `camera` has OpenCV axes.
+camera's body; branches (a gripper) and their mass are left out. The camera's site has OpenCV axes.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.errors import DataError
 from robust6dof.geometry.transforms import make_transform
-from robust6dof.robot.arm import Arm, Joint, Link
+from robust6dof.robot.arm import Arm, Joint, Link, Segment, build_arm
 
 
 def read_mjcf_arm(
@@ -48,40 +48,16 @@ def read_mjcf_arm(
     chain = model.chain_to(camera, tip)
     if T_tip_cam is None:
         T_tip_cam = model.site_frame(chain[-1], camera)
-    base, joints, links, T_link_body = _split(model, chain)
-    names = [joint.name for joint in joints]
-    rates = model.numbers_of("joint_rate_limits") or [max_rate] * len(joints)
-    joints = [
-        replace(joint, max_rate=float(rate)) for joint, rate in zip(joints, rates, strict=True)
-    ]
-    lower, upper = (np.array([getattr(j, side) for j in joints]) for side in ("lower", "upper"))
+    segments = [model.segment(body) for body in chain[1:]]
+    names = [segment.joint.name for segment in segments if segment.joint is not None]
+    rates = model.numbers_of("joint_rate_limits") or [max_rate] * len(names)
+    if len(rates) != len(names):
+        raise model.error(f"joint_rate_limits has {len(rates)} numbers for {len(names)} joints")
     if rest is None:
-        home = model.home(names)
-        rest = np.array(home) if home is not None else (lower + upper) / 2
-    return Arm(
-        model.name, base, tuple(joints), tuple(links), T_link_body @ T_tip_cam, rest.astype(float)
+        rest = model.home(names)
+    return build_arm(
+        model.name, model.link(chain[0]), segments, T_tip_cam, np.array(rates, dtype=float), rest
     )
-
-
-def _split(
-    model: _Model, chain: list[ET.Element]
-) -> tuple[Link, list[Joint], list[Link], np.ndarray]:
-    """Joints and links along the chain; bodies without a joint fold into what follows."""
-    base = model.link(chain[0])
-    joints: list[Joint] = []
-    links: list[Link] = []
-    T_link_body = np.eye(4)
-    for body in chain[1:]:
-        T_link_body = T_link_body @ model.frame(body)
-        hinges = body.findall("joint")
-        if not hinges:
-            continue
-        if len(hinges) > 1:
-            raise model.error(f"body {body.get('name')} has {len(hinges)} joints")
-        joints.append(model.joint(hinges[0], T_link_body))
-        links.append(model.link(body))
-        T_link_body = np.eye(4)
-    return base, joints, links, T_link_body
 
 
 def _numbers(text: str) -> np.ndarray:
@@ -122,7 +98,7 @@ class _Model:
             raise self.error("no <worldbody>")
         for body in world.iter("body"):
             sites = [site.get("name") for site in body.findall("site")]
-            if body.get("name") == tip or (tip is None and camera in sites):
+            if camera in sites if tip is None else body.get("name") == tip:
                 break
         else:
             wanted = f"body '{tip}'" if tip else f"site '{camera}'"
@@ -196,6 +172,14 @@ class _Model:
                 return self.frame(site)
         raise self.error(f"no site '{name}' on body '{body.get('name')}'")
 
+    def segment(self, body: ET.Element) -> Segment:
+        hinges = body.findall("joint")
+        if len(hinges) > 1:
+            raise self.error(f"body '{body.get('name')}' has {len(hinges)} joints")
+        T_parent_body = self.frame(body)
+        joint = self.joint(hinges[0], T_parent_body) if hinges else None
+        return Segment(T_parent_body, self.link(body), joint)
+
     def joint(self, hinge: ET.Element, T_parent_joint: np.ndarray) -> Joint:
         attributes = self.attributes(hinge)
         name = attributes.get("name", "")
@@ -207,7 +191,7 @@ class _Model:
         lower, upper = self.angle_unit * _numbers(attributes["range"])
         torque = _numbers(attributes.get("actuatorfrcrange", "-inf inf"))[1]
         unit = axis / np.linalg.norm(axis)
-        return Joint(name, T_parent_joint, unit, float(lower), float(upper), 1.0, float(torque))
+        return Joint(name, T_parent_joint, unit, float(lower), float(upper), np.inf, float(torque))
 
     def link(self, body: ET.Element) -> Link:
         name = body.get("name", "")
@@ -229,12 +213,12 @@ class _Model:
                 return [float(word) for word in numeric.get("data", "").split()]
         return None
 
-    def home(self, names: list[str]) -> list[float] | None:
+    def home(self, names: list[str]) -> np.ndarray | None:
         """Angles of the chain's joints in keyframe `home` (joints counted in file order)."""
         order = [self.attributes(j).get("name") for j in self.root.findall("worldbody//joint")]
         for key in self.root.findall("keyframe/key"):
             if key.get("name") == "home" and "qpos" in key.attrib:
                 values = key.attrib["qpos"].split()
                 if len(values) == len(order):
-                    return [float(values[order.index(name)]) for name in names]
+                    return np.array([float(values[order.index(name)]) for name in names])
         return None
