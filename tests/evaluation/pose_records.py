@@ -13,11 +13,19 @@ EXTENTS = np.array([0.1, 0.12, 0.08])
 
 
 def record(
-    frame=1, *, turn_deg=0.0, axis="x", shift_cm=0.0, missing=False, category="camera", **fields
+    frame=1,
+    *,
+    turn_deg=0.0,
+    axis="x",
+    shift_cm=0.0,
+    along="x",
+    missing=False,
+    category="camera",
+    **fields,
 ):
-    """One record whose prediction is turned about its own `axis` and shifted along camera x."""
+    """A prediction turned about its own `axis` and shifted along a camera axis."""
     R_turn = Rotation.from_euler(axis, turn_deg, degrees=True).as_matrix()
-    shift = np.array([shift_cm / 100, 0, 0])
+    shift = shift_cm / 100 * np.eye(3)["xyz".index(along)]
     T_cam_obj = make_transform(TRUE_POSE[:3, :3] @ R_turn, TRUE_POSE[:3, 3] + shift)
     defaults = {
         "sequence": "s0",

@@ -8,7 +8,7 @@ from robust6dof.evaluation.start_noise import PertNoise, exact, perturb, shift_u
 from robust6dof.geometry.transforms import rotation_error
 
 
-def draw(function, n=4000, **options):
+def draw(function, n=1000, **options):
     rng = np.random.default_rng(0)
     return [function(TRUE_POSE, EXTENTS, rng, **options) for _ in range(n)]
 
@@ -20,9 +20,9 @@ def test_pert_noise_has_captras_spread(multiple):
     angles = np.degrees(rotation_error(T[:, :3, :3], TRUE_POSE[None, :3, :3]))
     shifts = np.linalg.norm(T[:, :3, 3] - TRUE_POSE[:3, 3], axis=1)
     # The root mean square of |N(0, σ)| is σ.
-    assert np.sqrt(np.mean(angles**2)) == pytest.approx(5.0 * multiple, rel=0.05)
-    assert np.sqrt(np.mean(shifts**2)) == pytest.approx(0.03 * multiple, rel=0.05)
-    assert np.abs((T[:, :3, 3] - TRUE_POSE[:3, 3]).mean(axis=0)).max() < 0.003 * multiple
+    assert np.sqrt(np.mean(angles**2)) == pytest.approx(5.0 * multiple, rel=0.1)
+    assert np.sqrt(np.mean(shifts**2)) == pytest.approx(0.03 * multiple, rel=0.1)
+    assert np.abs((T[:, :3, 3] - TRUE_POSE[:3, 3]).mean(axis=0)).max() < 0.006 * multiple
 
 
 def test_pert_noise_scales_the_box_as_a_whole():
@@ -30,7 +30,7 @@ def test_pert_noise_scales_the_box_as_a_whole():
     ratios = extents / EXTENTS
     np.testing.assert_allclose(ratios, ratios[:, :1] * np.ones(3))
     diagonals = np.linalg.norm(extents, axis=1)
-    assert np.std(diagonals) == pytest.approx(0.02, rel=0.05)
+    assert np.std(diagonals) == pytest.approx(0.02, rel=0.1)
     assert diagonals.min() > 0
 
 
@@ -44,8 +44,8 @@ def test_six_pack_start_is_a_cube_of_two_centimetres_without_rotation():
     T = np.array([T_cam_obj for T_cam_obj, _ in draw(shift_uniformly)])
     shifts = T[:, :3, 3] - TRUE_POSE[:3, 3]
     assert np.abs(shifts).max() <= 0.02
-    assert np.abs(shifts).max(axis=0).min() > 0.0199
-    np.testing.assert_array_equal(T[:, :3, :3], np.tile(TRUE_POSE[:3, :3], (4000, 1, 1)))
+    assert np.abs(shifts).max(axis=0).min() > 0.0195
+    np.testing.assert_array_equal(T[:, :3, :3], np.tile(TRUE_POSE[:3, :3], (1000, 1, 1)))
 
 
 def test_starts_repeat_with_their_seed_and_exact_is_exact():
