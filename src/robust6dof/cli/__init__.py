@@ -13,7 +13,9 @@ from collections.abc import Sequence
 
 COMMANDS: dict[str, str] = {
     "track": "follow an object through an RGB-D recording",
+    "train": "train the tracker's network on the synthetic world",
     "guide": "guide the simulated aerial manipulator to an object",
+    "priors": "build a category's shape prior from procedural objects or your own meshes",
 }
 """Name of each subcommand (its module has the same name, with _ for -) and its one-line help."""
 

@@ -82,9 +82,7 @@ def load_objects(
     Raises:
         DataError: no such folder, no meshes in it, or one that cannot be read.
     """
-    root = Path(folder)
-    if not root.is_dir():
-        raise DataError(root, "not a folder", "Give the folder that holds CATEGORY/MESH files")
+    root = _existing(Path(folder))
     found = {child.name: mesh_files(child) for child in sorted(root.iterdir()) if child.is_dir()}
     objects = {
         category: [load_object(path, category, up=up, unit=unit) for path in paths]
@@ -92,12 +90,38 @@ def load_objects(
         if paths
     }
     if not objects:
-        raise DataError(
-            root,
-            "no meshes in its subfolders",
-            f"Put files {', '.join(MESH_SUFFIXES)} into {root.name}/CATEGORY/",
-        )
+        raise DataError(root, "no meshes in its subfolders", _remedy(root, "CATEGORY"))
     return objects
+
+
+def load_category(
+    folder: str | Path,
+    category: str,
+    *,
+    up: Literal["y", "z"] = "y",
+    unit: Literal["m", "cm", "mm"] = "m",
+) -> list[ObjectModel]:
+    """Read every mesh of FOLDER/category alone, by name.
+
+    Raises:
+        DataError: as `load_objects`.
+    """
+    root = _existing(Path(folder))
+    child = root / category
+    paths = mesh_files(child) if child.is_dir() else []
+    if not paths:
+        raise DataError(root, f"no meshes of category '{category}'", _remedy(root, category))
+    return [load_object(path, category, up=up, unit=unit) for path in paths]
+
+
+def _existing(root: Path) -> Path:
+    if not root.is_dir():
+        raise DataError(root, "not a folder", "Give the folder that holds CATEGORY/MESH files")
+    return root
+
+
+def _remedy(root: Path, category: str) -> str:
+    return f"Put files {', '.join(MESH_SUFFIXES)} into {root.name}/{category}/"
 
 
 def mesh_files(folder: Path) -> list[Path]:

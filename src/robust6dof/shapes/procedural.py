@@ -27,6 +27,9 @@ MAKERS: dict[str, Callable[[Draw], ObjectModel]] = {
 }
 """Category → maker."""
 
+PRIOR_SEEDS = 900_000_000
+"""First seed of the objects that the shipped priors are made of; train and test on others."""
+
 
 def make_object(category: str, seed: int | np.random.Generator) -> ObjectModel:
     """A random object of a category: a closed, textured mesh in metres.
