@@ -105,11 +105,11 @@ class NetworkConfig:
 PRESETS: dict[str, NetworkConfig] = {
     "paper": NetworkConfig(),
     "small": NetworkConfig(
-        points=512,
-        prior_points=512,
-        keypoints=128,
+        points=384,
+        prior_points=384,
+        keypoints=96,
         width=96,
-        heads=4,
+        heads=2,
         rank=32,
         plane_width=32,
         crop_px=96,

@@ -1,1 +1,1 @@
-"""Keypoint pairs to a pose change."""
+"""Keypoint pairs and canonical coordinates → transforms: RANSAC, PnP, absolute and joint fits."""
