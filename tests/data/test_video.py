@@ -99,6 +99,17 @@ def test_masks_and_poses_may_be_missing_or_have_three_channels(recording: Path) 
     np.testing.assert_array_equal(video.mask(0), make_mask(0))
 
 
+def test_numbered_poses_go_with_the_frames_by_order(recording: Path) -> None:
+    """YCBInEOAT names images by time and poses by number."""
+    folder = recording / "annotated_poses"
+    for index, name in enumerate(("97", "100", "103")):
+        (folder / f"{name}.txt").rename(folder / f"{index:07d}.txt")
+    video = read_video(recording)
+    np.testing.assert_allclose(video.annotated_pose(1), make_T_cam_obj(1), atol=1e-8)
+    (folder / "0000002.txt").unlink()
+    assert_refused(recording, "2 poses for 3 frames, and no name in common")
+
+
 def test_seven_scenes_layout(seven_scenes: Path) -> None:
     for path in (seven_scenes, seven_scenes / "data"):
         video = read_video(path)

@@ -84,12 +84,27 @@ def files_by_stem(folder: Path, suffixes: Iterable[str] = IMAGE_SUFFIXES) -> dic
 def _find_folders(path: Path, depth_only: bool) -> Recording:
     colors, depths = files_by_stem(path / "rgb"), files_by_stem(path / "depth", [".png"])
     masks = files_by_stem(path / "masks")
-    annotated_poses = files_by_stem(path / "annotated_poses", [".txt"])
+    names = _paired(path, colors, depths, depth_only)
+    poses = _annotated_poses(path / "annotated_poses", names)
     frames = tuple(
-        FrameFiles(name, colors.get(name), depths[name], masks.get(name), annotated_poses.get(name))
-        for name in _paired(path, colors, depths, depth_only)
+        FrameFiles(name, colors.get(name), depths[name], masks.get(name), poses.get(name))
+        for name in names
     )
     return Recording("folders", path, path / "cam_K.txt", frames)
+
+
+def _annotated_poses(folder: Path, names: list[str]) -> dict[str, Path]:
+    """Pair by name; where no name fits (YCBInEOAT numbers its poses), by order as its tools do."""
+    files = files_by_stem(folder, [".txt"])
+    if not (files and names and files.keys().isdisjoint(names)):
+        return files
+    if len(files) != len(names):
+        raise DataError(
+            folder,
+            f"{len(files)} poses for {len(names)} frames, and no name in common",
+            "Name the poses as the frames, or remove the folder",
+        )
+    return dict(zip(names, files.values(), strict=True))
 
 
 def tsdf_folder(path: Path) -> Path | None:

@@ -1,0 +1,111 @@
+"""Recordings in the de-facto layout as a data set: YCBInEOAT, one's own, synthesised ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
+from robust6dof.data.layouts import natural_key
+from robust6dof.data.object_card import ObjectCard, read_object_card
+from robust6dof.data.video import Video, read_video
+from robust6dof.errors import DataError
+from robust6dof.frames import RgbdFrame
+
+YCBINEOAT_OBJECTS = {
+    "bleach0": "021_bleach_cleanser",
+    "bleach_hard_00_03_chaitanya": "021_bleach_cleanser",
+    "cracker_box_reorient": "003_cracker_box",
+    "cracker_box_yalehand0": "003_cracker_box",
+    "mustard0": "006_mustard_bottle",
+    "mustard_easy_00_02": "006_mustard_bottle",
+    "sugar_box1": "004_sugar_box",
+    "sugar_box_yalehand0": "004_sugar_box",
+    "tomato_soup_can_yalehand0": "005_tomato_soup_can",
+}
+"""Which YCB object each of YCBInEOAT's videos shows."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingSequence(DatasetSequence):
+    """One recording with one annotated object."""
+
+    name: str
+    frame_names: tuple[str, ...]
+    video: Video
+    card: ObjectCard
+
+    def frame(self, index: int) -> RgbdFrame:
+        return self.video[index]
+
+    def truth(self, index: int) -> tuple[ObjectTruth, ...]:
+        T_cam_obj = self.video.annotated_pose(index)
+        if T_cam_obj is None:
+            return ()
+        card, name = self.card, self.frame_names[index]
+        return (
+            ObjectTruth(
+                name=card.name,
+                category=card.category,
+                T_cam_obj=T_cam_obj,
+                extents=None if card.extents_m is None else np.array(card.extents_m),
+                mask=self.video.mask(index),
+                handle_visible=card.handle_visible.get(name, True),
+                visible_fraction=card.visible_fraction.get(name),
+            ),
+        )
+
+
+def open_recordings(path: str | Path, depth_only: bool = False) -> Dataset:
+    """Open one recording, or every recording in a folder, however deep.
+
+    What each shows is told by its `object.json`, else by YCBInEOAT's names of its videos, else
+    it is `object_0` of category `unknown`.
+
+    Raises:
+        DataError: no recordings there, or one that `read_video` refuses.
+    """
+    path = Path(path)
+    folders = sorted(
+        {found.parent for found in path.glob("**/cam_K.txt")},
+        key=lambda folder: natural_key(str(folder)),
+    )
+    sequences = tuple(_open_recording(path, folder, depth_only) for folder in folders or [path])
+    if not sequences:
+        raise DataError(path, "there are no recordings", "Looked for folders with cam_K.txt")
+    return Dataset(_dataset_name(sequences), path, sequences)
+
+
+def open_ycbineoat(path: str | Path) -> Dataset:
+    """Open YCBInEOAT.
+
+    Raises:
+        DataError: no recordings, or one whose name is not one of the nine videos.
+    """
+    dataset = open_recordings(path)
+    unknown = [s.name for s in dataset.sequences if Path(s.name).name not in YCBINEOAT_OBJECTS]
+    if unknown:
+        raise DataError(
+            Path(path) / unknown[0],
+            "not one of YCBInEOAT's videos",
+            f"Name it as one of {', '.join(YCBINEOAT_OBJECTS)}, or open it as a recording",
+        )
+    return dataset
+
+
+def _open_recording(root: Path, folder: Path, depth_only: bool) -> RecordingSequence:
+    video = read_video(folder, depth_only=depth_only)
+    relative = folder.relative_to(root).as_posix()
+    name = folder.resolve().name if relative == "." else relative
+    card = read_object_card(folder)
+    if card is None:
+        known = YCBINEOAT_OBJECTS.get(folder.resolve().name)
+        card = ObjectCard(known or "object_0", known or "unknown")
+    return RecordingSequence(name, video.names, video, card)
+
+
+def _dataset_name(sequences: tuple[RecordingSequence, ...]) -> str:
+    names = {Path(sequence.name).name for sequence in sequences}
+    return "ycbineoat" if names <= YCBINEOAT_OBJECTS.keys() else "recordings"
