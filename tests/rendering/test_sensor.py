@@ -170,6 +170,15 @@ def test_dropouts_at_grazing_incidence(incidence_deg: float, expected: float) ->
     assert np.mean(dropped) == pytest.approx(formula, abs=0.06)
 
 
+def test_dropouts_along_outlines_only() -> None:
+    config = replace(PERFECT, edge_dropout=0.4)
+    hole = np.mean([observe(step_scene(), config, s).depth == 0 for s in range(40)], axis=0)
+    beside_the_edge = np.r_[hole[200:280, 257:263].ravel(), hole[177:183, 280:360].ravel()]
+    assert beside_the_edge.mean() == pytest.approx(0.4, abs=0.06)
+    assert not hole[200:280, 270:370].any()
+    assert not hole[:170].any()
+
+
 @pytest.mark.parametrize(("level", "expected"), [(0, 0.6), (20, 0.3), (128, 0.0), (255, 0.7)])
 def test_dropouts_on_dark_and_shiny_surfaces(level: int, expected: float) -> None:
     config = replace(PERFECT, dark_dropout=0.6, dark_level=40.0, shiny_dropout=0.7)

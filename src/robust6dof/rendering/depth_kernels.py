@@ -25,38 +25,11 @@ def to_disparity(depth, focal_baseline):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def fatten(grown, growth, width_px, step_px, matched):
-    """Take the disparity of a near surface within its random growth; `matched` is updated.
-
-    Args:
-        grown: [R, H, W] maxima of the disparity within 1, 2, …, R pixels.
-        growth: [H, W] random part of the growth [px].
-        width_px: mean growth.
-        step_px: smallest disparity step that is an outline.
-        matched: [H, W] disparity.
-    """
-    n_radii = grown.shape[0]
-    for row in range(matched.shape[0]):
-        for column in range(matched.shape[1]):
-            own = matched[row, column]
-            if grown[n_radii - 1, row, column] - own <= step_px:
-                continue
-            radius = int(np.floor(width_px + growth[row, column] + 0.5))
-            if radius < 1:
-                continue
-            near = grown[min(radius, n_radii) - 1, row, column]
-            if near - own > step_px:
-                matched[row, column] = near
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-@no_type_check
-def drop_occluded(disparity, matched, stereo_per_image, left_limit):
+def drop_occluded(disparity, stereo_per_image, left_limit, matched):
     """Set `matched` to 0 where the right imager sees something nearer, or nothing.
 
     A pixel x of the left image lies at x − d in the right one. It is hidden there if a pixel to
     its right lands at the same place or left of it, and lost if it falls off the left edge.
-    Pixels that took a near surface's disparity stay.
     """
     width = disparity.shape[1]
     for row in range(disparity.shape[0]):
@@ -67,13 +40,42 @@ def drop_occluded(disparity, matched, stereo_per_image, left_limit):
             if d <= 0.0:
                 continue
             landing = column * stereo_per_image - d
-            if matched[row, column] == d:
-                # Half a stereo pixel of tolerance: smooth surfaces never hide themselves.
-                if landing > leftmost + 0.5 or landing < left_limit:
-                    matched[row, column] = 0.0
-            elif column * stereo_per_image - matched[row, column] < left_limit:
+            # Half a stereo pixel of tolerance: smooth surfaces never hide themselves.
+            if landing > leftmost + 0.5 or landing < left_limit:
                 matched[row, column] = 0.0
             leftmost = min(leftmost, landing)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def fatten(disparity, grown, growth, width_px, step_px, matched):
+    """Take the disparity of a near surface within its random growth; `matched` is updated.
+
+    Args:
+        disparity: [H, W] the true disparity.
+        grown: [R, H, W] its maxima within 1, 2, …, R pixels.
+        growth: [H, W] random part of the growth [px].
+        width_px: mean growth.
+        step_px: smallest disparity step that is an outline; half of it where the pixel itself
+            cannot be matched, so that rims which hide themselves are filled too.
+        matched: [H, W] disparity; 0 where hidden.
+    """
+    n_radii = grown.shape[0]
+    for row in range(matched.shape[0]):
+        for column in range(matched.shape[1]):
+            own = disparity[row, column]
+            hidden = own > 0.0 and matched[row, column] == 0.0
+            step = 0.5 * step_px if hidden else step_px
+            if grown[n_radii - 1, row, column] - own <= step:
+                continue
+            radius = int(np.floor(width_px + growth[row, column] + 0.5))
+            if hidden:
+                radius = max(radius, 1)
+            if radius < 1:
+                continue
+            near = grown[min(radius, n_radii) - 1, row, column]
+            if near - own > step:
+                matched[row, column] = near
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -119,19 +121,30 @@ def measure(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 @no_type_check
-def _inner_slope(before, here, after):
-    """Change per pixel towards the side where it is smaller: the surface's, not its outline's."""
+def _surface_slope(before, here, after, step_px):
+    """Change per pixel on the gentler side, and whether the other side steps off the surface."""
     back = here - before
     ahead = after - here
-    if before <= 0.0 or (after > 0.0 and np.abs(ahead) < np.abs(back)):
-        return ahead / _SLOPE_SPAN_PX if after > 0.0 else 0.0
-    return back / _SLOPE_SPAN_PX
+    gentler = back if np.abs(back) < np.abs(ahead) else ahead
+    at_outline = np.abs(back + ahead - gentler) - np.abs(gentler) > step_px
+    return gentler / _SLOPE_SPAN_PX, at_outline
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def drop_out(disparity, luminance, field, by_luminance, cosines, K, thresholds, depth):
-    """Set `depth` to 0 at grazing incidence, on dark and on shiny surfaces, and here and there.
+def drop_out(
+    disparity,
+    luminance,
+    field,
+    by_luminance,
+    cosines,
+    edge_dropout,
+    step_px,
+    K,
+    thresholds,
+    depth,
+):
+    """Set `depth` to 0 at grazing incidence, at outlines, on dark and on shiny surfaces.
 
     Disparity is linear in the pixel on a plane, d = A x + B y + C, and the plane's normal is
     (f_x A, f_y B, d − A (x − c_x) − B (y − c_y)), which gives the angle of incidence.
@@ -142,6 +155,8 @@ def drop_out(disparity, luminance, field, by_luminance, cosines, K, thresholds, 
         field: [H, W] Gaussian field of variance 1; a hole is where it is below Φ⁻¹(p).
         by_luminance: [256] dropout probability.
         cosines: [2] of the angles at which dropouts begin and are complete.
+        edge_dropout: dropout probability within the slope's span of an outline.
+        step_px: a disparity step larger than this is an outline.
         K: [3, 3] intrinsics.
         thresholds: [N] Φ⁻¹ of probabilities from 0 to 1.
         depth: [H, W]; updated.
@@ -149,6 +164,7 @@ def drop_out(disparity, luminance, field, by_luminance, cosines, K, thresholds, 
     height, width = disparity.shape
     steps = thresholds.shape[0] - 1
     range_of_cosines = max(cosines[0] - cosines[1], 1e-9)
+    by_geometry = cosines[0] > 1e-9 or edge_dropout > 0.0
     fx, fy = K[0, 0], K[1, 1]
     for row in range(height):
         y = row - K[1, 2]
@@ -158,18 +174,20 @@ def drop_out(disparity, luminance, field, by_luminance, cosines, K, thresholds, 
             if d <= 0.0 or depth[row, column] == 0.0:
                 continue
             probability = by_luminance[luminance[row, column]]
-            if cosines[0] > 1e-9:
+            if by_geometry:
                 x = column - K[0, 2]
-                left, right = (
-                    max(column - _SLOPE_SPAN_PX, 0),
-                    min(column + _SLOPE_SPAN_PX, width - 1),
+                left = max(column - _SLOPE_SPAN_PX, 0)
+                right = min(column + _SLOPE_SPAN_PX, width - 1)
+                a, steps_x = _surface_slope(disparity[row, left], d, disparity[row, right], step_px)
+                b, steps_y = _surface_slope(
+                    disparity[up, column], d, disparity[down, column], step_px
                 )
-                a = _inner_slope(disparity[row, left], d, disparity[row, right])
-                b = _inner_slope(disparity[up, column], d, disparity[down, column])
                 nx, ny, nz = fx * a, fy * b, d - a * x - b * y
                 rx, ry = x / fx, y / fy
                 lengths_sq = (nx * nx + ny * ny + nz * nz) * (rx * rx + ry * ry + 1.0)
-                if d * d < cosines[0] * cosines[0] * lengths_sq:
+                if steps_x or steps_y:
+                    probability = max(probability, edge_dropout)
+                elif d * d < cosines[0] * cosines[0] * lengths_sq:
                     grazing = (cosines[0] - d / np.sqrt(lengths_sq)) / range_of_cosines
                     probability = max(probability, min(grazing, 1.0))
             if probability > 0.0 and field[row, column] < thresholds[int(probability * steps)]:

@@ -31,11 +31,11 @@ def observe_depth(
     stereo_per_image = config.stereo_focal_px / K[0, 0]
     focal_baseline = config.stereo_focal_px * config.baseline_m
     disparity = depth_kernels.to_disparity(rendering.depth, focal_baseline)
-    matched = _fatten(disparity, config, rng)
+    matched = disparity.copy()
     if config.occlusion:
-        depth_kernels.drop_occluded(
-            disparity, matched, stereo_per_image, _left_edge(config, stereo_per_image * K[0, 2])
-        )
+        left_edge = _left_edge(config, stereo_per_image * K[0, 2])
+        depth_kernels.drop_occluded(disparity, stereo_per_image, left_edge, matched)
+    _fatten(disparity, config, rng, matched)
     noise = _field(config.disparity_noise_px, config.noise_correlation_px, disparity.shape, rng)
     depth = np.empty((height, width), np.float32)
     depth_kernels.measure(
@@ -58,6 +58,8 @@ def observe_depth(
             _field(1.0, correlation, disparity.shape, rng),
             _dropout_by_luminance(config),
             np.cos(np.radians(np.array(config.grazing_deg, np.float64))),
+            float(config.edge_dropout),
+            float(config.edge_disparity_px),
             np.asarray(K, np.float64),
             _HOLE_THRESHOLDS,
             depth,
@@ -75,8 +77,8 @@ def _search_limit(config: StereoSensorConfig) -> float:
 
 
 def _has_dropouts(config: StereoSensorConfig) -> bool:
-    probabilities = (config.dark_dropout, config.shiny_dropout, config.base_dropout)
-    return max(probabilities) > 0 or config.grazing_deg[0] < 90.0
+    on_surfaces = (config.dark_dropout, config.shiny_dropout, config.base_dropout)
+    return max(*on_surfaces, config.edge_dropout) > 0 or config.grazing_deg[0] < 90.0
 
 
 def _field(
@@ -91,22 +93,24 @@ def _field(
 
 
 def _fatten(
-    disparity: Float32[np.ndarray, "H W"], config: StereoSensorConfig, rng: np.random.Generator
-) -> Float32[np.ndarray, "H W"]:
-    """Let near surfaces grow over their outlines, by a width that varies smoothly."""
+    disparity: Float32[np.ndarray, "H W"],
+    config: StereoSensorConfig,
+    rng: np.random.Generator,
+    matched: Float32[np.ndarray, "H W"],
+) -> None:
+    """Let near surfaces grow over their outlines in `matched`, by a smoothly varying width."""
     widest = round(config.edge_fattening_px + 2 * config.edge_jitter_px)
-    matched = disparity.copy()
     if widest < 1:
-        return matched
+        return
     grown = np.empty((widest, *disparity.shape), np.float32)
     square = np.ones((3, 3), np.uint8)
     for i in range(widest):
         cv2.dilate(disparity if i == 0 else grown[i - 1], square, dst=grown[i])
     growth = _field(config.edge_jitter_px, (3.0, 3.0), disparity.shape, rng)
+    step_px = float(config.edge_disparity_px)
     depth_kernels.fatten(
-        grown, growth, config.edge_fattening_px, float(config.edge_disparity_px), matched
+        disparity, grown, growth, float(config.edge_fattening_px), step_px, matched
     )
-    return matched
 
 
 def _dropout_by_luminance(config: StereoSensorConfig) -> Float[np.ndarray, "256"]:

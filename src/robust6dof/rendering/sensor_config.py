@@ -43,8 +43,10 @@ class StereoSensorConfig:
     """Standard deviation of that growth along the outline."""
     edge_disparity_px: float = 0.7
     """A disparity step larger than this is an outline."""
-    grazing_deg: tuple[float, float] = (70.0, 82.0)
+    grazing_deg: tuple[float, float] = (75.0, 87.0)
     """Incidence angles at which dropouts begin and are complete. (90, 90): never."""
+    edge_dropout: float = 0.1
+    """Probability of a dropout along outlines."""
     dark_dropout: float = 0.6
     """Probability of a dropout on black."""
     dark_level: float = 35.0
@@ -88,6 +90,7 @@ class StereoSensorConfig:
             edge_fattening_px=0.0,
             edge_jitter_px=0.0,
             grazing_deg=(90.0, 90.0),
+            edge_dropout=0.0,
             dark_dropout=0.0,
             shiny_dropout=0.0,
             base_dropout=0.0,
