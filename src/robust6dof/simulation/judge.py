@@ -1,0 +1,61 @@
+"""What simulation truth says: distance from the goal, and of an estimate from the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from robust6dof.geometry.transforms import axis_error, rotation_error
+from robust6dof.servo.interaction import rotation_error_vector
+
+
+@dataclass(frozen=True, eq=False)
+class GoalError:
+    """How far a pose is from the goal."""
+
+    translation: Float[np.ndarray, "3"]
+    """T − T*, camera axes [m]."""
+    rotation: Float[np.ndarray, "3"]
+    """θu of c*R_c [rad]; for a symmetric object about the nearest of its equal rotations."""
+
+    @property
+    def distance(self) -> float:
+        """‖T − T*‖ [m]."""
+        return float(np.linalg.norm(self.translation))
+
+    @property
+    def angle(self) -> float:
+        """θ [rad]; for a symmetric object the angle of its axis."""
+        return float(np.linalg.norm(self.rotation))
+
+    def within(self, delta_R: float, delta_T: float) -> bool:
+        """Whether both errors are below their thresholds [rad, m]."""
+        return self.angle < delta_R and self.distance < delta_T
+
+    @staticmethod
+    def unknown() -> GoalError:
+        """Where there is no pose."""
+        return GoalError(np.full(3, np.nan), np.full(3, np.nan))
+
+
+def goal_error(
+    T_cam_obj: Float[np.ndarray, "4 4"] | None,
+    T_cam_obj_goal: Float[np.ndarray, "4 4"],
+    symmetric: bool,
+) -> GoalError:
+    """Compare a pose with the goal; unknown without a pose."""
+    if T_cam_obj is None or not np.isfinite(T_cam_obj).all():
+        return GoalError.unknown()
+    theta_u = rotation_error_vector(T_cam_obj[:3, :3], T_cam_obj_goal[:3, :3], symmetric=symmetric)
+    return GoalError(T_cam_obj[:3, 3] - T_cam_obj_goal[:3, 3], theta_u)
+
+
+def tracking_error(
+    T_estimated: Float[np.ndarray, "4 4"], T_true: Float[np.ndarray, "4 4"], symmetric: bool
+) -> tuple[float, float]:
+    """Angle [rad] (of the axis, for a symmetric object) and distance [m] from the truth."""
+    compare = axis_error if symmetric else rotation_error
+    angle = float(compare(T_estimated[:3, :3], T_true[:3, :3]))
+    return angle, float(np.linalg.norm(T_estimated[:3, 3] - T_true[:3, 3]))
