@@ -1,59 +1,53 @@
-"""Frame-to-model ICP: a tracker that needs no training, from depth alone.
+"""Frame-to-model ICP: a tracker that needs no training.
 
-Each frame's points near the predicted box are registered (generalised ICP of small_gicp,
-correspondence distance from coarse to fine) to the object's surface as seen so far, together with
-the plane that the object stands on. What keeps it from drifting:
+Each frame's points near the predicted box are registered, coarse to fine, to the object's surface
+as seen so far, together with the plane that the object stands on. What keeps it from drifting:
 
 - the model grows only with a good fit and a new viewpoint, and averages what it knows already;
 - the supporting plane fixes tilt and height while the object stands on it, and is let go when the
   object leaves it;
-- where the geometry leaves a direction free (a cup's turn about its axis), the pose follows the
-  motion prediction instead of sliding.
+- where there is colour, the model keeps it, so that a cup's print fixes its turn;
+- what remains free follows the motion prediction instead of sliding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-import small_gicp
 from jaxtyping import Bool, Float
 
 from robust6dof.baselines.fit_quality import NOTHING_SEEN, FitQuality, assess
-from robust6dof.baselines.registration import Prior, Registration, register
-from robust6dof.baselines.surface_model import RegistrationTarget, SurfaceModel, plane_radius
+from robust6dof.baselines.frame_cut import CutConfig, FrameCut, cut_frame
+from robust6dof.baselines.registration import Prior, register
+from robust6dof.baselines.registration_target import RegistrationTarget
+from robust6dof.baselines.surface_model import SurfaceModel
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
-from robust6dof.geometry.transforms import (
-    check_transform,
-    invert_transform,
-    make_transform,
-    transform_points,
-)
+from robust6dof.geometry.transforms import check_transform, invert_transform, transform_points
 from robust6dof.tracking.motion import Motion, seconds_between
-from robust6dof.tracking.region import cut_region, depth_noise
-from robust6dof.tracking.support_plane import Plane, fit_plane, least_squares_plane
+from robust6dof.tracking.region import depth_noise
+from robust6dof.tracking.support_plane import Plane, find_support_plane, least_squares_plane
 
 
 @dataclass(frozen=True)
 class IcpConfig:
-    """Lengths given as shares are multiplied by the diagonal of the object's box."""
+    """Lengths called shares are multiplied by the diagonal of the object's box."""
 
+    cut: CutConfig = field(default_factory=CutConfig)
     voxel_share: float = 0.025
-    """Side of the model's voxels."""
-    max_source_points: int = 600
-    """Object points of one frame that are registered."""
-    max_plane_points: int = 200
-    """Points of the supporting plane that are registered with them."""
-    max_model_points: int = 4000
+    """Side of the model's voxels, …"""
+    voxel_range_m: tuple[float, float] = (0.0025, 0.008)
+    """… within these."""
+    max_model_points: int = 5000
     cutoff_shares: tuple[float, ...] = (0.25, 0.10, 0.05)
     """Largest correspondence distance, from coarse to fine."""
     search_share: float = 0.15
     """How far outside the predicted box points are still taken."""
-    iterations: int = 10
-    """Of each stage."""
+    iterations: int = 8
+    """Of each stage, at most."""
     prior_rotation_deg: float = 4.0
-    """Trust in the motion prediction per frame; decides only where geometry says little."""
+    """Trust in the motion prediction per frame; decides only where the images say little."""
     prior_translation_share: float = 0.15
     keyframe_angle_deg: float = 4.0
     """The model takes in a view that differs by this much from all before, …"""
@@ -68,10 +62,10 @@ class IcpConfig:
     lost_confidence: float = 0.2
     """Below this for `lost_frames` frames in a row: LOST."""
     lost_frames: int = 3
-    plane_tolerance: float = 0.012
-    """The plane is let go when the object alone disagrees with it by more than this [m], …"""
+    plane_tolerance_m: float = 0.012
+    """The plane is let go when what is seen of it differs by more than this, …"""
     plane_tolerance_deg: float = 6.0
-    """… or this."""
+    """… or this, …"""
     plane_patience: int = 5
     """… for this many frames in a row."""
 
@@ -91,6 +85,14 @@ class IcpMemory:
     bad_frames: int = 0
     good_frames: int = 0
     plane_misses: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    T_cam_obj: Float[np.ndarray, "4 4"]
+    quality: FitQuality
+    plane_points: Float[np.ndarray, "R 3"]
+    """What was seen of the supporting plane, in the fitted object frame [m]."""
 
 
 class IcpTracker:
@@ -121,28 +123,30 @@ class IcpTracker:
         if T_cam_obj is None or extents is None:
             raise InputError("the ICP starts from T_cam_obj and extents")
         T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")
-        plane = self._find_plane(frame, T_cam_obj, extents)
-        voxel = self.config.voxel_share * float(np.linalg.norm(extents))
-        blank = SurfaceModel.empty(voxel, self.config.max_model_points)
-        source = _cut(frame, T_cam_obj, extents, 0.02, plane, self.config)
-        if source is None or len(source.points) < 20:
+        extents = np.asarray(extents, dtype=np.float64)
+        plane = find_support_plane(frame, T_cam_obj, extents, np.random.default_rng(self._seed))
+        share = self.config.voxel_share * float(np.linalg.norm(extents))
+        blank = SurfaceModel.empty(
+            float(np.clip(share, *self.config.voxel_range_m)), self.config.max_model_points
+        )
+        cut = self._cut(frame, T_cam_obj, extents, blank.voxel, plane, 0.02, mask)
+        if cut is None or not len(cut.surface):
             raise InputError(
                 "no depth on the object in the first frame: check the start pose, the depth's "
                 "unit and that the object is in view"
             )
-        surface = blank.merged(source.points, source.normals, _view_weight(T_cam_obj))
+        surface = blank.merged(cut.surface, _view_weight(T_cam_obj))
         memory = IcpMemory(
             surface=surface,
-            target=RegistrationTarget.build(surface, plane, extents),
+            target=RegistrationTarget.build(surface.cloud, plane, extents),
             plane=plane,
             keyframes=_view_of(T_cam_obj)[None],
             motion=Motion.at_rest(),
         )
-        quality = self._assess(frame, T_cam_obj, surface)[0]
         return Track(
             T_cam_obj=T_cam_obj,
-            extents=np.asarray(extents, dtype=np.float64),
-            confidence=quality.confidence,
+            extents=extents,
+            confidence=_assess(frame, T_cam_obj, surface)[0].confidence,
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
@@ -153,135 +157,99 @@ class IcpTracker:
         """Follow the object to `frame`; never raises on a bad image."""
         memory: IcpMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
-        T_predicted = memory.motion.predict(track.T_cam_obj, seconds)
-        fit = self._fit(frame, T_predicted, track.extents, memory)
+        fit = self._fit(frame, memory.motion.predict(track.T_cam_obj, seconds), track)
         if fit.quality.confidence < self.config.tracking_confidence:
-            at_rest = self._fit(frame, track.T_cam_obj, track.extents, memory)
+            at_rest = self._fit(frame, track.T_cam_obj, track)
             if at_rest.quality.confidence > fit.quality.confidence:
                 fit = at_rest
-        return self._conclude(track, frame, fit, seconds)
+        memory = self._counted(memory, fit.quality.confidence)
+        track = replace(
+            track,
+            confidence=fit.quality.confidence,
+            state=self._next_state(track.state, memory, fit.quality),
+            stamp=frame.stamp,
+            memory=replace(memory, motion=Motion.at_rest()),
+        )
+        if fit.quality.confidence < self.config.lost_confidence:
+            return track
+        newest = Motion.between(track.T_cam_obj, fit.T_cam_obj, seconds)
+        memory = replace(memory, motion=memory.motion.blended(newest, 0.5))
+        memory = self._watch_plane(memory, fit.plane_points, track.extents)
+        track = replace(track, T_cam_obj=fit.T_cam_obj, memory=memory)
+        return self._learned(track, frame)
 
-    def _conclude(
-        self,
-        track: Track,
-        frame: RgbdFrame,
-        fit: _Fit,
-        seconds: float,
-    ) -> Track:
-        config, memory, quality, T_new = self.config, track.memory, fit.quality, fit.T_cam_obj
-        bad = quality.confidence < config.lost_confidence
-        memory = replace(
+    def _counted(self, memory: IcpMemory, confidence: float) -> IcpMemory:
+        bad = confidence < self.config.lost_confidence
+        good = confidence >= self.config.tracking_confidence
+        return replace(
             memory,
             frames=memory.frames + 1,
             bad_frames=memory.bad_frames + 1 if bad else 0,
-            good_frames=memory.good_frames + 1
-            if quality.confidence >= config.tracking_confidence
-            else 0,
-        )
-        state = self._next_state(track.state, memory, quality)
-        if bad:
-            T_new = track.T_cam_obj
-            memory = replace(memory, motion=Motion.at_rest())
-        else:
-            newest = Motion.between(track.T_cam_obj, T_new, seconds)
-            memory = replace(memory, motion=memory.motion.blended(newest, 0.5))
-            memory = self._watch_plane(memory, fit.plane_points, track.extents)
-            if state is TrackState.TRACKING and quality.confidence >= config.growth_confidence:
-                memory = self._learn(memory, frame, T_new, track.extents)
-        return replace(
-            track,
-            T_cam_obj=T_new,
-            confidence=quality.confidence,
-            state=state,
-            stamp=frame.stamp,
-            memory=memory,
+            good_frames=memory.good_frames + 1 if good else 0,
         )
 
     def _next_state(self, state: TrackState, memory: IcpMemory, quality: FitQuality) -> TrackState:
-        config = self.config
-        good = quality.confidence >= config.tracking_confidence
+        good = memory.good_frames > 0
         if state in (TrackState.LOST, TrackState.RECOVERING):
-            if good:
-                settled = memory.good_frames >= config.lost_frames
-                return TrackState.TRACKING if settled else TrackState.RECOVERING
-            return TrackState.LOST
-        if memory.bad_frames >= config.lost_frames or quality is NOTHING_SEEN:
+            if not good:
+                return TrackState.LOST
+            settled = memory.good_frames >= self.config.lost_frames
+            return TrackState.TRACKING if settled else TrackState.RECOVERING
+        if memory.bad_frames >= self.config.lost_frames or quality is NOTHING_SEEN:
             return TrackState.LOST
         return TrackState.TRACKING if good else TrackState.UNCERTAIN
 
-    def _fit(
-        self,
-        frame: RgbdFrame,
-        T_predicted: np.ndarray,
-        extents: np.ndarray,
-        memory: IcpMemory,
-    ) -> _Fit:
-        source = _cut(
-            frame, T_predicted, extents, self.config.search_share, memory.plane, self.config
+    def _fit(self, frame: RgbdFrame, T_predicted: np.ndarray, track: Track) -> _Fit:
+        config, memory = self.config, track.memory
+        nothing = _Fit(T_predicted, NOTHING_SEEN, np.zeros((0, 3)))
+        cut = self._cut(
+            frame,
+            T_predicted,
+            track.extents,
+            memory.surface.voxel,
+            memory.plane,
+            config.search_share,
         )
-        if source is None or len(source.points) < 20:
-            return _Fit(T_predicted, NOTHING_SEEN, np.zeros((0, 3)))
-        fit = self._register(source, memory.target, extents, T_predicted[2, 3])
-        if fit is None:
-            return _Fit(T_predicted, NOTHING_SEEN, np.zeros((0, 3)))
-        T_new = _orthonormal(T_predicted @ invert_transform(fit.T_target_source))
-        quality = self._assess(frame, T_new, memory.surface)[0]
-        return _Fit(T_new, quality, transform_points(fit.T_target_source, source.plane_points))
-
-    def _register(
-        self,
-        source: _Source,
-        target: RegistrationTarget,
-        extents: np.ndarray,
-        distance: float,
-    ) -> Registration | None:
-        config = self.config
-        scale = float(np.linalg.norm(extents))
-        noise = float(depth_noise(distance))
-        return register(
-            np.concatenate([source.points, source.plane_points]),
-            np.concatenate([source.normals, source.plane_normals]),
-            target.points,
-            target.normals,
-            target.tree,
-            cutoffs=[max(share * scale, 3.0 * noise) for share in config.cutoff_shares],
+        if cut is None or not len(cut.surface):
+            return nothing
+        noise = float(depth_noise(T_predicted[2, 3]))
+        registration = register(
+            cut.joined(memory.plane),
+            memory.target,
+            cutoffs=[max(share * track.scale, 3.0 * noise) for share in config.cutoff_shares],
             noise=noise,
             prior=Prior(
-                np.deg2rad(config.prior_rotation_deg), config.prior_translation_share * scale
+                np.deg2rad(config.prior_rotation_deg), config.prior_translation_share * track.scale
             ),
             iterations=config.iterations,
         )
+        if registration is None:
+            return nothing
+        T_fit_predicted = registration.T_target_source
+        T_cam_obj = check_transform(T_predicted @ invert_transform(T_fit_predicted))
+        quality, _ = _assess(frame, T_cam_obj, memory.surface)
+        return _Fit(T_cam_obj, quality, transform_points(T_fit_predicted, cut.plane_points))
 
-    def _assess(
-        self, frame: RgbdFrame, T_cam_obj: np.ndarray, surface: SurfaceModel
-    ) -> tuple[FitQuality, Bool[np.ndarray, "M"]]:
-        return assess(frame, T_cam_obj, surface.points, surface.normals, spacing=surface.voxel)
-
-    def _find_plane(
-        self, frame: RgbdFrame, T_cam_obj: np.ndarray, extents: np.ndarray
-    ) -> Plane | None:
-        """The plane through the surroundings that touches the box from outside, if there is one."""
-        scale = float(np.linalg.norm(extents))
-        region = cut_region(frame, T_cam_obj, 2.2 * extents, max_points=3000)
-        if region is None:
-            return None
-        points = transform_points(invert_transform(T_cam_obj), region.points_cam)
-        near = np.linalg.norm(points, axis=-1) < 1.3 * scale
-        outside = (np.abs(points) > 0.5 * extents).any(axis=-1)
-        points = points[near & outside]
-        camera = invert_transform(T_cam_obj)[:3, 3]
-        found = fit_plane(
-            points,
-            np.random.default_rng(self._seed),
-            tolerance=0.004 + float(depth_noise(T_cam_obj[2, 3])),
-            viewpoint=camera,
+    def _cut(
+        self,
+        frame: RgbdFrame,
+        T_cam_obj: np.ndarray,
+        extents: np.ndarray,
+        voxel: float,
+        plane: Plane | None,
+        margin_share: float,
+        mask: np.ndarray | None = None,
+    ) -> FrameCut | None:
+        return cut_frame(
+            frame,
+            T_cam_obj,
+            extents,
+            plane,
+            margin=margin_share * float(np.linalg.norm(extents)),
+            voxel=voxel,
+            config=self.config.cut,
+            mask=mask,
         )
-        if found is None or found[1].sum() < max(60, 0.25 * len(points)):
-            return None
-        plane = found[0]
-        reach = 0.5 * float(np.abs(plane.normal) @ extents)
-        touches = abs(plane.offset - reach) < 0.15 * scale
-        return plane if touches else None
 
     def _watch_plane(
         self, memory: IcpMemory, plane_points: np.ndarray, extents: np.ndarray
@@ -293,37 +261,39 @@ class IcpTracker:
         tilt = np.degrees(np.arccos(min(1.0, abs(float(seen.normal @ memory.plane.normal)))))
         gap = float(np.median(np.abs(memory.plane.height(plane_points))))
         config = self.config
-        off = tilt > config.plane_tolerance_deg or gap > config.plane_tolerance
+        off = tilt > config.plane_tolerance_deg or gap > config.plane_tolerance_m
         misses = memory.plane_misses + 1 if off else 0
         if misses < config.plane_patience:
             return replace(memory, plane_misses=misses)
-        target = RegistrationTarget.build(memory.surface, None, extents)
+        target = RegistrationTarget.build(memory.surface.cloud, None, extents)
         return replace(memory, plane=None, plane_misses=0, target=target)
 
-    def _learn(
-        self,
-        memory: IcpMemory,
-        frame: RgbdFrame,
-        T_cam_obj: np.ndarray,
-        extents: np.ndarray,
-    ) -> IcpMemory:
-        view = _view_of(T_cam_obj)
+    def _learned(self, track: Track, frame: RgbdFrame) -> Track:
+        """Take the view into the model where it is new and the fit is good."""
+        memory: IcpMemory = track.memory
+        view = _view_of(track.T_cam_obj)
+        trusted = track.confidence >= self.config.growth_confidence
         settling = memory.frames <= self.config.settle_frames
-        if not settling and not self._is_new_view(view, memory.keyframes):
-            return memory
-        source = _cut(frame, T_cam_obj, extents, 0.02, memory.plane, self.config)
-        if source is None:
-            return memory
-        _, refuted = self._assess(frame, T_cam_obj, memory.surface)
-        surface = memory.surface.carved(refuted).merged(
-            source.points, source.normals, _view_weight(T_cam_obj)
+        if (
+            not trusted
+            or track.state is not TrackState.TRACKING
+            or not (settling or self._is_new_view(view, memory.keyframes))
+        ):
+            return track
+        cut = self._cut(
+            frame, track.T_cam_obj, track.extents, memory.surface.voxel, memory.plane, 0.02
         )
-        return replace(
+        if cut is None:
+            return track
+        _, refuted = _assess(frame, track.T_cam_obj, memory.surface, every=1)
+        surface = memory.surface.carved(refuted).merged(cut.surface, _view_weight(track.T_cam_obj))
+        memory = replace(
             memory,
             surface=surface,
-            target=RegistrationTarget.build(surface, memory.plane, extents),
+            target=RegistrationTarget.build(surface.cloud, memory.plane, track.extents),
             keyframes=np.concatenate([memory.keyframes, view[None]]),
         )
+        return replace(track, memory=memory)
 
     def _is_new_view(self, view: np.ndarray, keyframes: np.ndarray) -> bool:
         cosines = np.clip(keyframes[:, :3] @ view[:3], -1.0, 1.0)
@@ -332,84 +302,18 @@ class IcpTracker:
         return bool((far | nearer).all())
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    T_cam_obj: Float[np.ndarray, "4 4"]
-    quality: FitQuality
-    plane_points: Float[np.ndarray, "R 3"]
-    """What was seen of the supporting plane, in the fitted object frame [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """One frame's points in the predicted object frame."""
-
-    points: Float[np.ndarray, "P 3"]
-    normals: Float[np.ndarray, "P 3"]
-    plane_points: Float[np.ndarray, "R 3"]
-    plane_normals: Float[np.ndarray, "R 3"]
-
-
-def _cut(
-    frame: RgbdFrame,
-    T_cam_obj: np.ndarray,
-    extents: np.ndarray,
-    margin_share: float,
-    plane: Plane | None,
-    config: IcpConfig,
-) -> _Source | None:
-    """What of the frame may be the object at `T_cam_obj`, and what the plane under it."""
-    scale = float(np.linalg.norm(extents))
-    reach = 2.0 * plane_radius(extents) if plane is not None else 0.0
-    around = np.maximum(extents + 2 * margin_share * scale, reach)
-    region = cut_region(frame, T_cam_obj, around, max_points=6000)
-    if region is None or len(region.points_cam) < 20:
-        return None
-    points = transform_points(invert_transform(T_cam_obj), region.points_cam)
-    inside = (np.abs(points) < 0.5 * extents + margin_share * scale).all(axis=-1)
-    plane_points = np.zeros((0, 3))
-    if plane is not None:
-        height = plane.height(points)
-        above = height > 0.003 + 1.5 * float(depth_noise(T_cam_obj[2, 3]))
-        ring = ~inside & (np.abs(height) < 0.02 + 2.0 * float(depth_noise(T_cam_obj[2, 3])))
-        ring &= np.linalg.norm(points, axis=-1) < plane_radius(extents)
-        plane_points = _thinned(points[ring], config.max_plane_points)
-        inside &= above
-    inside_points = points[inside]
-    plane_normals = np.zeros((len(plane_points), 3))
-    if plane is not None:
-        plane_normals += plane.normal
-    if len(inside_points) < 20:
-        return _Source(np.zeros((0, 3)), np.zeros((0, 3)), plane_points, plane_normals)
-    camera = invert_transform(T_cam_obj)[:3, 3]
-    kept, normals = _with_normals(inside_points, camera, config, scale)
-    return _Source(kept, normals, plane_points, plane_normals)
-
-
-def _with_normals(
-    points: np.ndarray, camera: np.ndarray, config: IcpConfig, scale: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Voxel-thin, estimate normals towards the camera, drop grazing and isolated points."""
-    cloud = small_gicp.voxelgrid_sampling(points, config.voxel_share * scale)
-    if cloud.size() < 20:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    small_gicp.estimate_normals_covariances(cloud, small_gicp.KdTree(cloud), 10)
-    thinned, normals = np.asarray(cloud.points())[:, :3], np.asarray(cloud.normals())[:, :3]
-    towards = camera - thinned
-    cosine = np.sum(normals * towards, axis=-1) / np.linalg.norm(towards, axis=-1)
-    normals = np.where(cosine[:, None] < 0, -normals, normals)
-    usable = np.abs(cosine) > 0.2
-    keep = np.nonzero(usable)[0]
-    keep = keep[:: max(1, int(np.ceil(len(keep) / config.max_source_points)))]
-    return thinned[keep], normals[keep]
-
-
-def _thinned(points: np.ndarray, count: int) -> np.ndarray:
-    return points[:: max(1, int(np.ceil(len(points) / count)))]
+def _assess(
+    frame: RgbdFrame, T_cam_obj: np.ndarray, surface: SurfaceModel, every: int = 0
+) -> tuple[FitQuality, Bool[np.ndarray, "P"]]:
+    step = every or max(1, len(surface) // 1000)
+    cloud = surface.cloud
+    return assess(
+        frame, T_cam_obj, cloud.points[::step], cloud.normals[::step], spacing=surface.voxel
+    )
 
 
 def _view_weight(T_cam_obj: np.ndarray) -> float:
-    """Of a view's points: the inverse variance of their depth, 1 where it is under a millimetre."""
+    """Of a view's points: the inverse variance of their depth, near 1 under a millimetre."""
     return float(1e-6 / (1e-6 + depth_noise(T_cam_obj[2, 3]) ** 2))
 
 
@@ -418,8 +322,3 @@ def _view_of(T_cam_obj: np.ndarray) -> Float[np.ndarray, "4"]:
     camera = invert_transform(T_cam_obj)[:3, 3]
     distance = float(np.linalg.norm(camera))
     return np.append(camera / max(distance, 1e-9), distance)
-
-
-def _orthonormal(T: np.ndarray) -> Float[np.ndarray, "4 4"]:
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    return make_transform(U @ Vt, T[:3, 3])

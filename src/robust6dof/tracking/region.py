@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.boxes import box_corners
 from robust6dof.geometry.camera import project
-from robust6dof.geometry.transforms import transform_points
 
 NEAREST_M = 0.08
 """Depth below this is taken for noise of the sensor [m]."""
@@ -24,12 +24,6 @@ class Region:
     """(x, y) of each point."""
 
 
-def box_corners(extents: Float[np.ndarray, "3"]) -> Float[np.ndarray, "8 3"]:
-    """Corners of the object's box in its own frame [m]."""
-    signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5], indexing="ij"))
-    return signs.reshape(3, 8).T * extents
-
-
 def box_rectangle(
     frame: RgbdFrame,
     T_cam_obj: Float[np.ndarray, "4 4"],
@@ -39,7 +33,7 @@ def box_rectangle(
 
     None when the box is behind the camera or outside the image.
     """
-    corners = transform_points(T_cam_obj, box_corners(extents))
+    corners = box_corners(T_cam_obj, extents)
     if T_cam_obj[2, 3] < NEAREST_M:
         return None
     corners[:, 2] = np.maximum(corners[:, 2], 0.25 * T_cam_obj[2, 3])

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robust6dof.geometry.transforms import invert_transform
+from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.transforms import invert_transform, transform_points
+from robust6dof.tracking.region import cut_region, depth_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,3 +83,32 @@ def _facing(plane: Plane, viewpoint: np.ndarray) -> Plane:
     if plane.height(viewpoint) >= 0:
         return plane
     return Plane(-plane.normal, -plane.offset)
+
+
+def find_support_plane(
+    frame: RgbdFrame,
+    T_cam_obj: Float[np.ndarray, "4 4"],
+    extents: Float[np.ndarray, "3"],
+    rng: np.random.Generator,
+) -> Plane | None:
+    """The plane, in the object frame, that the object at this pose stands on (or leans against).
+
+    The most frequent plane around the box, if a quarter of the surroundings lie on it and it
+    touches the box from outside; else None (the object is held, or its surroundings are cluttered).
+    """
+    scale = float(np.linalg.norm(extents))
+    region = cut_region(frame, T_cam_obj, 2.2 * extents, max_points=3000)
+    if region is None:
+        return None
+    T_obj_cam = invert_transform(T_cam_obj)
+    points = transform_points(T_obj_cam, region.points_cam)
+    near = np.linalg.norm(points, axis=-1) < 1.3 * scale
+    outside = (np.abs(points) > 0.5 * extents).any(axis=-1)
+    points = points[near & outside]
+    tolerance = 0.004 + float(depth_noise(T_cam_obj[2, 3]))
+    found = fit_plane(points, rng, tolerance=tolerance, viewpoint=T_obj_cam[:3, 3])
+    if found is None or found[1].sum() < max(60, 0.25 * len(points)):
+        return None
+    plane = found[0]
+    reach = 0.5 * float(np.abs(plane.normal) @ extents)
+    return plane if abs(plane.offset - reach) < 0.15 * scale else None

@@ -1,0 +1,85 @@
+"""Oriented points with brightness: one frame's, or the model's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from jaxtyping import Float, Int, Int64
+
+_NEIGHBOURS = 10
+_KEY_BITS = 18
+_KEY_HALF = 1 << (_KEY_BITS - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points with what the registration compares."""
+
+    points: Float[np.ndarray, "P 3"]
+    """[m]"""
+    normals: Float[np.ndarray, "P 3"]
+    """Unit, outwards."""
+    intensity: Float[np.ndarray, "P"]
+    """Grey level, 0 to 255; NaN where there is no colour."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @classmethod
+    def empty(cls) -> Cloud:
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
+    def __getitem__(self, index: np.ndarray | slice) -> Cloud:
+        return Cloud(self.points[index], self.normals[index], self.intensity[index])
+
+    def joined(self, other: Cloud) -> Cloud:
+        return Cloud(
+            np.concatenate([self.points, other.points]),
+            np.concatenate([self.normals, other.normals]),
+            np.concatenate([self.intensity, other.intensity]),
+        )
+
+
+def voxel_cells(points: Float[np.ndarray, "P 3"], voxel: float) -> Int64[np.ndarray, "P"]:
+    """One number for each voxel of side `voxel` [m], within 2^17 voxels of the origin."""
+    cells = np.clip(np.floor(points / voxel), -_KEY_HALF, _KEY_HALF - 1).astype(np.int64)
+    cells += _KEY_HALF
+    return (cells[:, 0] << 2 * _KEY_BITS) | (cells[:, 1] << _KEY_BITS) | cells[:, 2]
+
+
+def sums(group: Int[np.ndarray, "P"], values: np.ndarray, count: int) -> np.ndarray:
+    """Sum of the rows of `values` [P, C] over each of `count` groups."""
+    return np.stack(
+        [np.bincount(group, weights=column, minlength=count) for column in values.T], axis=-1
+    )
+
+
+def surface_cloud(
+    points: Float[np.ndarray, "P 3"],
+    intensity: Float[np.ndarray, "P"],
+    *,
+    voxel: float,
+    viewpoint: Float[np.ndarray, "3"],
+    max_points: int,
+    grazing_cosine: float = 0.2,
+) -> Cloud:
+    """Thin a view's points by voxels and estimate normals, turned towards the viewpoint.
+
+    Points seen at a grazing angle are left out: there depth is least reliable.
+    """
+    _, voxel_of = np.unique(voxel_cells(points, voxel), return_inverse=True)
+    counts = np.bincount(voxel_of)
+    means = sums(voxel_of, np.column_stack([points, intensity]), len(counts)) / counts[:, None]
+    if len(means) < _NEIGHBOURS:
+        return Cloud.empty()
+    cloud = small_gicp.PointCloud(means[:, :3])
+    small_gicp.estimate_normals_covariances(cloud, small_gicp.KdTree(cloud), _NEIGHBOURS)
+    normals = np.asarray(cloud.normals())[:, :3]
+    towards = viewpoint - means[:, :3]
+    cosine = np.sum(normals * towards, axis=-1) / np.linalg.norm(towards, axis=-1)
+    normals = np.where(cosine[:, None] < 0, -normals, normals)
+    keep = np.nonzero(np.abs(cosine) > grazing_cosine)[0]
+    keep = keep[:: max(1, int(np.ceil(len(keep) / max_points)))]
+    return Cloud(means[keep, :3], normals[keep], means[keep, 3])

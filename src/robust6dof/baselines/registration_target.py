@@ -1,0 +1,79 @@
+"""The model, indexed for registration: the object's surface and a patch of what it stands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from jaxtyping import Float
+
+from robust6dof.baselines.cloud import Cloud
+from robust6dof.tracking.support_plane import Plane
+
+_NEIGHBOURS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationTarget:
+    """Surface points first, then those of the plane."""
+
+    cloud: Cloud
+    gradients: Float[np.ndarray, "P 3"]
+    """Of the brightness along the surface [levels/m]; 0 where it is unknown."""
+    tree: small_gicp.KdTree
+
+    @classmethod
+    def build(
+        cls, surface: Cloud, plane: Plane | None, extents: Float[np.ndarray, "3"]
+    ) -> RegistrationTarget:
+        gradients = intensity_gradients(surface)
+        if plane is not None:
+            patch = _plane_patch(plane, extents)
+            surface = surface.joined(patch)
+            gradients = np.concatenate([gradients, np.zeros((len(patch), 3))])
+        return cls(surface, gradients, small_gicp.KdTree(surface.points))
+
+
+def plane_radius(extents: Float[np.ndarray, "3"]) -> float:
+    """How far from the object's centre its supporting plane is used [m]."""
+    return 0.9 * float(np.linalg.norm(extents))
+
+
+def intensity_gradients(cloud: Cloud) -> Float[np.ndarray, "P 3"]:
+    """Least-squares gradient of the brightness in each point's tangent plane [levels/m].
+
+    The linear model of coloured ICP (Park, Zhou, Koltun 2017) over the nearest neighbours on the
+    same side of the surface; zero where too few of them have colour.
+    """
+    if len(cloud) < _NEIGHBOURS or np.isnan(cloud.intensity).all():
+        return np.zeros((len(cloud), 3))
+    tree = small_gicp.KdTree(cloud.points)
+    index = np.asarray(tree.batch_knn_search(cloud.points, _NEIGHBOURS)[0]).astype(np.int64)
+    arms = cloud.points[index] - cloud.points[:, None]
+    steps = cloud.intensity[index] - cloud.intensity[:, None]
+    same_side = np.einsum("pkc,pc->pk", cloud.normals[index], cloud.normals) > 0.5
+    usable = same_side & ~np.isnan(steps)
+    arms = np.where(usable[..., None], arms, 0.0)
+    steps = np.where(usable, steps, 0.0)
+    moments = np.einsum("pki,pkj->pij", arms, arms)
+    size = np.trace(moments, axis1=1, axis2=2)[:, None, None]
+    # The normal direction is pinned to zero, and a little of the rest regularises.
+    moments += size * (np.einsum("pi,pj->pij", cloud.normals, cloud.normals) + 0.02 * np.eye(3))
+    moments += 1e-12 * np.eye(3)
+    gradients = np.linalg.solve(moments, np.einsum("pki,pk->pi", arms, steps)[..., None])[..., 0]
+    enough = usable.sum(axis=1) >= 6
+    return np.where(enough[:, None], gradients, 0.0)
+
+
+def _plane_patch(plane: Plane, extents: np.ndarray) -> Cloud:
+    """A grid on the plane, somewhat wider than the ring of points that is matched to it."""
+    radius = 1.15 * plane_radius(extents)
+    first = np.cross(plane.normal, np.eye(3)[np.argmin(np.abs(plane.normal))])
+    first /= np.linalg.norm(first)
+    second = np.cross(plane.normal, first)
+    steps = np.linspace(-radius, radius, 25)
+    u, v = (grid.reshape(-1, 1) for grid in np.meshgrid(steps, steps))
+    inside = np.hypot(u, v).ravel() < radius
+    points = (u * first + v * second - plane.offset * plane.normal)[inside]
+    return Cloud(points, np.tile(plane.normal, (len(points), 1)), np.full(len(points), np.nan))
