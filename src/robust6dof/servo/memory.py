@@ -31,8 +31,6 @@ class ServoMemory:
     """The last believed pose."""
     stamp: float
     """When it was taken [s]; −inf before the first."""
-    seen_at: float
-    """When it was handed over [s]."""
     doubted: Float[np.ndarray, "4 4"]
     """The latest pose that jumped."""
     doubted_stamp: float
@@ -53,7 +51,7 @@ class ServoMemory:
     def blank(cls, joints: int) -> ServoMemory:
         none = -np.inf
         return cls(
-            np.eye(4), none, none, np.eye(4), none, 0, np.zeros(4 + joints), none, False, None,
+            np.eye(4), none, np.eye(4), none, 0, np.zeros(4 + joints), none, False, None,
             (), none,
         )  # fmt: skip
 
@@ -112,11 +110,12 @@ def admit(
         return memory, ServoState.HOLD_INVALID
     if T[2, 3] <= 0.02:
         return memory, ServoState.HOLD_LOST
-    if stamp <= memory.stamp:  # the same image again, or an older one
-        stale = now - memory.seen_at > limits.stale_after or stamp < memory.stamp
-        return memory, ServoState.HOLD_STALE if stale else None
-    if now - stamp > limits.stale_after:
+    if stamp < memory.stamp - limits.stale_after:  # the clock was set back: begin anew
+        return ServoMemory.blank(len(memory.command) - 4), ServoState.HOLD_STALE
+    if now - stamp > limits.stale_after or stamp < memory.stamp:
         return memory, ServoState.HOLD_STALE
+    if stamp == memory.stamp:  # the same image again
+        return memory, None
     if np.isfinite(memory.stamp) and _jumped(
         memory.T_cam_obj, T, stamp - memory.stamp, limits, symmetric
     ):
@@ -168,6 +167,6 @@ def _believe(
         motion = predict_motion(memory.motion, own, gap, config.noise)
         motion = correct_motion(motion, T, config.noise, symmetric=symmetric)
     return replace(
-        memory, T_cam_obj=T, stamp=stamp, seen_at=memory.now, motion=motion,
+        memory, T_cam_obj=T, stamp=stamp, motion=motion,
         doubted_stamp=-np.inf, doubted_count=0,
     )  # fmt: skip

@@ -66,9 +66,6 @@ class PadServo:
 
     It carries one immutable memory from step to step: the last believed pose, the last command,
     the target's motion. `start()` forgets it.
-
-    Raises:
-        InputError: limits that would need an arm of other joints.
     """
 
     robot: AerialManipulator
@@ -107,7 +104,8 @@ class PadServo:
             joints: measured joint angles [rad].
             tilt_rates: measured (ω_x, ω_y) of the vehicle, body frame [rad/s].
             stamp: when the image of T_cam_obj was taken [s].
-            now: the time of this step on the same clock [s]; the stamp where not given.
+            now: the time of this step on the same clock [s]. Where not given, it is the stamp, or
+                one period after the last step when the same image comes again.
             symmetric: turns of the object about its y axis mean nothing.
             confidence: the tracker's, 0 to 1.
             track_state: the tracker's.
@@ -123,7 +121,8 @@ class PadServo:
             TrackState.LOST,
             TrackState.RECOVERING,
         )
-        now = stamp if now is None else now
+        if now is None:
+            now = stamp if stamp > self.memory.now else self.memory.now + self.config.period
         own = _own_motion(self.memory, velocity_body, yaw_rate, joint_rates)
         reading = _read(self.robot, self.config, joints, tilt_rates, own, height, now)
         if reading is None:
