@@ -14,7 +14,10 @@ from collections.abc import Sequence
 COMMANDS: dict[str, str] = {
     "track": "follow an object through an RGB-D recording",
     "train": "train the tracker's network on the synthetic world",
+    "predict": "run a tracker over a data set and store its poses",
+    "evaluate": "score stored poses under a named protocol",
     "guide": "guide the simulated aerial manipulator to an object",
+    "doctor": "say what a folder of data is and whether it makes sense",
     "priors": "build a category's shape prior from procedural objects or your own meshes",
 }
 """Name of each subcommand (its module has the same name, with _ for -) and its one-line help."""

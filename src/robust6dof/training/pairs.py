@@ -20,6 +20,7 @@ from robust6dof.shapes.priors import load_prior
 from robust6dof.synthetic.close_up import TARGET_ID, CloseUp, QuickSensor, pool_object
 from robust6dof.synthetic.visibility import handle_visible, visible_surface
 from robust6dof.tracking.view import View, ViewConfig, make_view
+from robust6dof.training.targets import PairTruth
 
 
 @dataclass(frozen=True)
@@ -46,27 +47,10 @@ class PairConfig:
     """Images are rendered with at most this side."""
     occluder_share: float = 0.3
     """Share of pairs with something in front of the object."""
+    first_object: int = 0
+    """Seed of the first object of each category."""
     object_pool: int = 400
-    """Distinct objects in each category; seeds 0 to object_pool − 1."""
-
-
-@dataclass(frozen=True, eq=False)
-class PairTruth:
-    """What is true of B pairs, both views."""
-
-    T_cam_obj_prev: Float[Tensor, "B 4 4"]
-    T_cam_obj_cur: Float[Tensor, "B 4 4"]
-    extents: Float[Tensor, "B 3"]
-    """True side lengths [m]."""
-    symmetric: Bool[Tensor, "B"]
-    """Rotation about y cannot be seen in either view."""
-    foreground_prev: Bool[Tensor, "B N"]
-    """Points that lie on the object."""
-    foreground_cur: Bool[Tensor, "B N"]
-
-    def to(self, device: torch.device | str) -> PairTruth:
-        """The same on another device."""
-        return PairTruth(**{f.name: getattr(self, f.name).to(device) for f in fields(self)})
+    """Distinct objects in each category, with consecutive seeds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +78,7 @@ class _Seen:
 
     view: View
     T_cam_obj: Float[np.ndarray, "4 4"]
-    foreground: Bool[np.ndarray, "N"]
+    on_object: Bool[np.ndarray, "N"]
     handle_visible: bool
 
 
@@ -131,7 +115,9 @@ class SyntheticPairs(Dataset[PairBatch]):
                 return pair
 
     def _draw(self, rng: np.random.Generator, category: str) -> PairBatch | None:
-        target = pool_object(category, int(rng.integers(self.config.object_pool)))
+        target = pool_object(
+            category, self.config.first_object + int(rng.integers(self.config.object_pool))
+        )
         T_prev = _draw_view(rng, self.config)
         T_cur = _move(rng, T_prev, self.config)
         close_up = CloseUp.draw(rng, target)
@@ -162,11 +148,11 @@ class SyntheticPairs(Dataset[PairBatch]):
         if view is None:
             return None
         x, y = view.frame_pixels.astype(int).T
-        foreground = rendering.ids[y, x] == TARGET_ID
-        if foreground.mean() < 0.1:
+        on_object = rendering.ids[y, x] == TARGET_ID
+        if on_object.mean() < 0.1:
             return None
         surface = visible_surface(rendering, TARGET_ID, K, T_cam_obj)
-        return _Seen(view, T_cam_obj, foreground, handle_visible(surface, close_up.target.extents))
+        return _Seen(view, T_cam_obj, on_object, handle_visible(surface, close_up.target.extents))
 
     def _assemble(
         self, rng: np.random.Generator, target: ObjectModel, previous: _Seen, current: _Seen
@@ -180,10 +166,10 @@ class SyntheticPairs(Dataset[PairBatch]):
         truth = PairTruth(
             T_cam_obj_prev=_tensor(previous.T_cam_obj),
             T_cam_obj_cur=_tensor(current.T_cam_obj),
-            extents=_tensor(target.extents),
+            scale=_tensor(np.array(target.scale)),
             symmetric=torch.tensor([symmetric]),
-            foreground_prev=torch.from_numpy(previous.foreground)[None],
-            foreground_cur=torch.from_numpy(current.foreground)[None],
+            on_object_prev=torch.from_numpy(previous.on_object)[None],
+            on_object_cur=torch.from_numpy(current.on_object)[None],
         )
         return PairBatch(previous.view.batch, current.view.batch, _tensor(prior[chosen]), truth)
 

@@ -1,0 +1,87 @@
+"""Train the tracker's network on the synthetic world; run again to go on where it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from robust6dof.cli.options import CommonOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(CommonOptions):
+    preset: Literal["paper", "small", "tiny"] = "small"
+    """Size of the network."""
+    data: Literal["aerial"] = "aerial"
+    """Where the pairs come from: the synthetic world."""
+    recipe: Literal["paper", "short"] = "paper"
+    """Optimiser and schedule; `short` is for a CPU."""
+    steps: int | None = None
+    """Steps of the optimiser, instead of the recipe's."""
+    batch: int | None = None
+    """Pairs in each step, instead of the recipe's."""
+    init: Path | None = None
+    """Weights to start from (.safetensors)."""
+    workers: int = 1
+    """Processes that make the pairs."""
+    threads: int | None = None
+    """Threads of the network's own arithmetic; all cores by default."""
+    minutes: float | None = None
+    """Stop after this time; run again to go on."""
+    held_out: int = 192
+    """Pairs of other shapes, for validation."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder of checkpoints, log and network."""
+
+
+def run(options: Options) -> None:
+    """Train."""
+    import time
+    from dataclasses import replace
+
+    import torch
+
+    from robust6dof.network.checkpoint import load_network
+    from robust6dof.network.config import preset
+    from robust6dof.tracking.view import ViewConfig
+    from robust6dof.training.loop import TrainConfig, train
+    from robust6dof.training.pairs import PairConfig, SyntheticPairs
+    from robust6dof.training.recipe import recipe_named
+
+    if options.threads:
+        torch.set_num_threads(options.threads)
+    init = load_network(options.init) if options.init else None
+    network = init.config if init else preset(options.preset)
+    given = {"steps": options.steps, "batch": options.batch}
+    recipe = replace(
+        recipe_named(options.recipe), **{k: v for k, v in given.items() if v is not None}
+    )
+    view = ViewConfig(points=network.points, crop_px=network.crop_px)
+    pairs = SyntheticPairs(view, network.prior_points, options.seed, recipe.steps * recipe.batch)
+    others = PairConfig(first_object=1_000_000)
+    held_out = SyntheticPairs(
+        view, network.prior_points, options.seed + 1, options.held_out, others
+    )
+    end = time.monotonic() + 60 * options.minutes if options.minutes else float("inf")
+    train(
+        TrainConfig(network, recipe, seed=options.seed, workers=options.workers),
+        pairs,
+        held_out,
+        options.out,
+        init=init,
+        device=resolve_device(options.device),
+        stop=lambda: time.monotonic() > end,
+    )
+    print(f"weights: {options.out / 'network.safetensors'}")
+
+
+def resolve_device(device: str) -> str:
+    """`auto` as cuda where there is one, else cpu."""
+    import torch
+
+    if device != "auto":
+        return device
+    return "cuda" if torch.cuda.is_available() else "cpu"

@@ -1,0 +1,47 @@
+"""Transitions between what a tracker believes of itself.
+
+TRACKING → UNCERTAIN when the confidence falls below `sure`; → LOST after `patience` frames below
+`lost`; LOST → RECOVERING on the first frame at or above `sure`; RECOVERING → TRACKING after
+`patience` such frames, back to LOST on one that is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robust6dof.frames import TrackState
+
+
+@dataclass(frozen=True)
+class StateRules:
+    """Thresholds on the confidence."""
+
+    sure: float = 0.5
+    lost: float = 0.2
+    patience: int = 3
+    """Frames in a row."""
+
+
+@dataclass(frozen=True)
+class StateCount:
+    """Frames in a row at or above `sure`, and below `lost`."""
+
+    good: int = 0
+    bad: int = 0
+
+    def after(self, confidence: float, rules: StateRules) -> StateCount:
+        """With one more frame."""
+        good = self.good + 1 if confidence >= rules.sure else 0
+        bad = self.bad + 1 if confidence < rules.lost else 0
+        return StateCount(good, bad)
+
+
+def next_state(state: TrackState, count: StateCount, rules: StateRules) -> TrackState:
+    """The state after a frame, whose confidence `count` already holds."""
+    if state in (TrackState.LOST, TrackState.RECOVERING):
+        if not count.good:
+            return TrackState.LOST
+        return TrackState.TRACKING if count.good >= rules.patience else TrackState.RECOVERING
+    if count.bad >= rules.patience:
+        return TrackState.LOST
+    return TrackState.TRACKING if count.good else TrackState.UNCERTAIN

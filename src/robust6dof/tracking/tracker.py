@@ -1,0 +1,231 @@
+"""Robust6DoF as a tracker: the network, its matches, a memory of views and the canonical anchor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from robust6dof.errors import InputError
+from robust6dof.frames import SYMMETRIC_CATEGORIES, Box, RgbdFrame, Track, TrackState
+from robust6dof.geometry.transforms import check_transform
+from robust6dof.network.inputs import PriorFeatures, ViewFeatures
+from robust6dof.network.robust6dof_net import Robust6DofNet
+from robust6dof.tracking.confidence import ConfidenceModel
+from robust6dof.tracking.joint_pose import JointPose, JointPoseConfig, solve_joint_pose
+from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
+from robust6dof.tracking.motion import Motion, seconds_between
+from robust6dof.tracking.states import StateCount, StateRules, next_state
+from robust6dof.tracking.view import ViewConfig, make_view
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """How the network is used."""
+
+    pose: JointPoseConfig = field(default_factory=JointPoseConfig)
+    confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
+    states: StateRules = field(default_factory=StateRules)
+    start_passes: int = 2
+    """Passes of the anchor over the first frame, each from the last one's result."""
+    scale_gain: float = 0.05
+    """Share of the anchor's scale that enters the track's extents on each frame."""
+    store_confidence: float = 0.7
+    """Views are stored from this confidence on."""
+    memory_capacity: int = 12
+    """Stored views at most; 0 matches the last frame alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerMemory:
+    """What the tracker carries from frame to frame."""
+
+    prior: PriorFeatures
+    last: Keyframe
+    views: KeyframeMemory
+    motion: Motion
+    count: StateCount
+    frames: int = 0
+
+
+class Tracker:
+    """The network's tracker behind the `PoseTracker` protocol.
+
+    Args:
+        net: the network, in evaluation mode.
+        prior: the category's shape prior, canonical points of diagonal 1.
+        category: its name; decides the symmetry.
+        config: see its fields.
+        seed: of the points drawn and of RANSAC.
+    """
+
+    def __init__(
+        self,
+        net: Robust6DofNet,
+        prior: Float[np.ndarray, "P 3"],
+        category: str,
+        config: TrackerConfig | None = None,
+        *,
+        seed: int = 0,
+    ) -> None:
+        self.net = net.eval()
+        self.category = category
+        self.config = config or TrackerConfig()
+        self._symmetric = category in SYMMETRIC_CATEGORIES
+        self._view_config = ViewConfig(points=net.config.points, crop_px=net.config.crop_px)
+        self._seed = seed
+        self._prior = _encode_prior(net, prior, seed)
+
+    def start(
+        self,
+        frame: RgbdFrame,
+        *,
+        mask: Bool[np.ndarray, "H W"] | None = None,
+        box: Box | None = None,
+        T_cam_obj: Float[np.ndarray, "4 4"] | None = None,
+        extents: Float[np.ndarray, "3"] | None = None,
+    ) -> Track:
+        """Begin from a pose; see `PoseTracker.start`."""
+        if T_cam_obj is None or extents is None:
+            raise InputError("the tracker starts from T_cam_obj and extents")
+        T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")
+        extents = np.asarray(extents, dtype=np.float64)
+        features, estimate = self._look(frame, T_cam_obj, extents, 0)
+        for number in range(1, self.config.start_passes):
+            extents = extents * estimate.anchor.scale / np.linalg.norm(extents)
+            features, estimate = self._look(frame, estimate.T_cam_obj, extents, number)
+        T_cam_obj = estimate.T_cam_obj
+        extents = extents * estimate.anchor.scale / np.linalg.norm(extents)
+        confidence = self.config.confidence(estimate)
+        first = Keyframe(features, T_cam_obj, confidence)
+        memory = TrackerMemory(
+            prior=self._prior,
+            last=first,
+            views=KeyframeMemory((first,), self.config.memory_capacity),
+            motion=Motion.at_rest(),
+            count=StateCount(),
+        )
+        return Track(
+            T_cam_obj=T_cam_obj,
+            extents=extents,
+            confidence=confidence,
+            state=TrackState.TRACKING,
+            category=self.category,
+            stamp=frame.stamp,
+            memory=memory,
+        )
+
+    def _look(
+        self, frame: RgbdFrame, T_cam_obj: np.ndarray, extents: np.ndarray, number: int
+    ) -> tuple[ViewFeatures, JointPose]:
+        """One view alone: the anchor's estimate near a given pose."""
+        features = self._encode(frame, T_cam_obj, extents, None, number)
+        if features is None:
+            raise InputError(
+                "no depth on the object in the first frame: check the start pose, the depth's "
+                "unit and that the object is in view"
+            )
+        return features, self._solve(features, (), T_cam_obj, extents, number)
+
+    def step(self, track: Track, frame: RgbdFrame) -> Track:
+        """Follow the object to `frame`; never raises on a bad image."""
+        memory: TrackerMemory = track.memory
+        seconds = seconds_between(track.stamp, frame.stamp)
+        T_cam_pred = memory.motion.predict(track.T_cam_obj, seconds)
+        number = memory.frames + 1
+        features = self._encode(frame, T_cam_pred, track.extents, memory.last.features, number)
+        if features is None:
+            return self._unseen(track, frame)
+        stored = memory.views.nearest(T_cam_pred, self.config.pose.stored_views)
+        past = [memory.last, *stored] if self.config.memory_capacity else [memory.last]
+        estimate = self._solve(features, past, T_cam_pred, track.extents, number)
+        return self._followed(track, frame, features, estimate, seconds)
+
+    def _followed(
+        self,
+        track: Track,
+        frame: RgbdFrame,
+        features: ViewFeatures,
+        estimate: JointPose,
+        seconds: float,
+    ) -> Track:
+        memory: TrackerMemory = track.memory
+        confidence = self.config.confidence(estimate)
+        count = memory.count.after(confidence, self.config.states)
+        view = Keyframe(features, estimate.T_cam_obj, confidence)
+        newest = Motion.between(track.T_cam_obj, estimate.T_cam_obj, seconds)
+        trusted = confidence >= self.config.store_confidence
+        memory = replace(
+            memory,
+            last=view,
+            views=memory.views.with_view(view) if trusted else memory.views,
+            motion=memory.motion.blended(newest, 0.6) if count.good else Motion.at_rest(),
+            count=count,
+            frames=memory.frames + 1,
+        )
+        growth = (estimate.anchor.scale / track.scale) ** (self.config.scale_gain * trusted)
+        return replace(
+            track,
+            T_cam_obj=estimate.T_cam_obj,
+            extents=track.extents * growth,
+            confidence=confidence,
+            state=next_state(track.state, count, self.config.states),
+            stamp=frame.stamp,
+            memory=memory,
+        )
+
+    def _unseen(self, track: Track, frame: RgbdFrame) -> Track:
+        """No depth where the object should be: hold the last pose."""
+        memory: TrackerMemory = track.memory
+        count = memory.count.after(0.0, self.config.states)
+        memory = replace(memory, count=count, motion=Motion.at_rest(), frames=memory.frames + 1)
+        return replace(
+            track,
+            confidence=0.0,
+            state=next_state(track.state, count, self.config.states),
+            stamp=frame.stamp,
+            memory=memory,
+        )
+
+    @torch.inference_mode()
+    def _encode(
+        self,
+        frame: RgbdFrame,
+        T_cam_pred: np.ndarray,
+        extents: np.ndarray,
+        previous: ViewFeatures | None,
+        number: int,
+    ) -> ViewFeatures | None:
+        rng = np.random.default_rng([self._seed, number])
+        view = make_view(frame, T_cam_pred, extents, self._view_config, rng)
+        if view is None:
+            return None
+        batch = view.batch.to(self._prior.points.device)
+        return self.net.encode(batch, self._prior, previous)
+
+    @torch.inference_mode()
+    def _solve(
+        self,
+        features: ViewFeatures,
+        past: list[Keyframe] | tuple[()],
+        T_cam_pred: np.ndarray,
+        extents: np.ndarray,
+        number: int,
+    ) -> JointPose:
+        rng = np.random.default_rng([self._seed, number, 1])
+        scale = float(np.linalg.norm(extents))
+        return solve_joint_pose(
+            self.net, features, past, T_cam_pred, scale, self._symmetric, self.config.pose, rng
+        )
+
+
+@torch.inference_mode()
+def _encode_prior(net: Robust6DofNet, prior: Float[np.ndarray, "P 3"], seed: int) -> PriorFeatures:
+    count = net.config.prior_points
+    rng = np.random.default_rng(seed)
+    chosen = rng.choice(len(prior), count, replace=len(prior) < count)
+    device = next(net.parameters()).device
+    points = torch.from_numpy(np.asarray(prior[chosen], dtype=np.float32))[None].to(device)
+    return net.encode_prior(points)
