@@ -81,7 +81,7 @@ def cut_frame(
         inside &= mask[region.pixels[:, 1], region.pixels[:, 0]]
     surface = surface_cloud(
         points[inside],
-        _intensity(frame, region, inside, T_cam_obj[2, 3], voxel, config),
+        _intensity(frame, region, np.asarray(inside), T_cam_obj[2, 3], voxel, config),
         voxel=voxel,
         viewpoint=T_obj_cam[:3, 3],
         max_points=config.max_points,

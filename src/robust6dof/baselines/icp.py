@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 
 from robust6dof.baselines.fit_quality import NOTHING_SEEN, FitQuality, assess
 from robust6dof.baselines.frame_cut import CutConfig, FrameCut, cut_frame
-from robust6dof.baselines.registration import Prior, register
+from robust6dof.baselines.registration import Prior, Stage, register
 from robust6dof.baselines.registration_target import RegistrationTarget
 from robust6dof.baselines.surface_model import SurfaceModel
 from robust6dof.errors import InputError
@@ -40,15 +40,19 @@ class IcpConfig:
     voxel_range_m: tuple[float, float] = (0.0025, 0.008)
     """… within these."""
     max_model_points: int = 5000
-    cutoff_shares: tuple[float, ...] = (0.25, 0.10, 0.05)
-    """Largest correspondence distance, from coarse to fine."""
+    cutoff_shares: tuple[float, float, float] = (0.25, 0.10, 0.05)
+    """Largest correspondence distance, from coarse to fine, …"""
+    cutoff_limits_m: tuple[float, float, float] = (0.06, 0.03, 0.015)
+    """… but no more than this."""
+    iterations: tuple[int, int, int] = (4, 5, 6)
+    """Of each stage, at most."""
     search_share: float = 0.15
     """How far outside the predicted box points are still taken."""
-    iterations: int = 8
-    """Of each stage, at most."""
-    prior_rotation_deg: float = 4.0
-    """Trust in the motion prediction per frame; decides only where the images say little."""
-    prior_translation_share: float = 0.15
+    linear_acceleration: float = 15.0
+    """Of the object in the camera frame [m/s²]: the doubt in the motion prediction, which decides
+    only where the images say little."""
+    angular_acceleration: float = 50.0
+    """[rad/s²]"""
     keyframe_angle_deg: float = 4.0
     """The model takes in a view that differs by this much from all before, …"""
     keyframe_distance_ratio: float = 1.15
@@ -157,9 +161,9 @@ class IcpTracker:
         """Follow the object to `frame`; never raises on a bad image."""
         memory: IcpMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
-        fit = self._fit(frame, memory.motion.predict(track.T_cam_obj, seconds), track)
+        fit = self._fit(frame, memory.motion.predict(track.T_cam_obj, seconds), track, seconds)
         if fit.quality.confidence < self.config.tracking_confidence:
-            at_rest = self._fit(frame, track.T_cam_obj, track)
+            at_rest = self._fit(frame, track.T_cam_obj, track, seconds)
             if at_rest.quality.confidence > fit.quality.confidence:
                 fit = at_rest
         memory = self._counted(memory, fit.quality.confidence)
@@ -199,7 +203,7 @@ class IcpTracker:
             return TrackState.LOST
         return TrackState.TRACKING if good else TrackState.UNCERTAIN
 
-    def _fit(self, frame: RgbdFrame, T_predicted: np.ndarray, track: Track) -> _Fit:
+    def _fit(self, frame: RgbdFrame, T_predicted: np.ndarray, track: Track, seconds: float) -> _Fit:
         config, memory = self.config, track.memory
         nothing = _Fit(T_predicted, NOTHING_SEEN, np.zeros((0, 3)))
         cut = self._cut(
@@ -216,12 +220,9 @@ class IcpTracker:
         registration = register(
             cut.joined(memory.plane),
             memory.target,
-            cutoffs=[max(share * track.scale, 3.0 * noise) for share in config.cutoff_shares],
+            stages=self._stages(track.scale, noise),
             noise=noise,
-            prior=Prior(
-                np.deg2rad(config.prior_rotation_deg), config.prior_translation_share * track.scale
-            ),
-            iterations=config.iterations,
+            prior=self._prior(seconds, memory),
         )
         if registration is None:
             return nothing
@@ -229,6 +230,25 @@ class IcpTracker:
         T_cam_obj = check_transform(T_predicted @ invert_transform(T_fit_predicted))
         quality, _ = _assess(frame, T_cam_obj, memory.surface)
         return _Fit(T_cam_obj, quality, transform_points(T_fit_predicted, cut.plane_points))
+
+    def _stages(self, scale: float, noise: float) -> list[Stage]:
+        config = self.config
+        shares, limits = config.cutoff_shares, config.cutoff_limits_m
+        coarse, middle, fine = (
+            max(min(share * scale, limit), 3.0 * noise)
+            for share, limit in zip(shares, limits, strict=True)
+        )
+        return [
+            Stage(coarse, config.iterations[0], 3, color=False, small_m=1e-3, small_rad=5e-3),
+            Stage(middle, config.iterations[1], 2, small_m=4e-4, small_rad=2e-3),
+            Stage(fine, config.iterations[2]),
+        ]
+
+    def _prior(self, seconds: float, memory: IcpMemory) -> Prior:
+        """What the acceleration can change in one step; more before the velocity is known."""
+        config = self.config
+        half = 0.5 * seconds**2 * (4.0 if memory.frames < 4 or memory.bad_frames else 1.0)
+        return Prior(config.angular_acceleration * half, config.linear_acceleration * half)
 
     def _cut(
         self,

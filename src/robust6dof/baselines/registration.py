@@ -44,13 +44,31 @@ class Prior:
         return np.diag([self.rotation**-2] * 3 + [self.translation**-2] * 3)
 
 
+@dataclass(frozen=True)
+class Stage:
+    """One pass of the registration."""
+
+    cutoff: float
+    """Largest distance between partners [m]."""
+    iterations: int
+    """At most."""
+    every: int = 1
+    """Use only each n-th source point."""
+    color: bool = True
+    """Compare brightness too; its basin is as narrow as the print's detail."""
+    small_m: float = 1e-4
+    """The stage ends with a step below this …"""
+    small_rad: float = 1e-3
+    """… and this."""
+
+
 @dataclass(frozen=True, eq=False)
 class Registration:
     """What a fit gives."""
 
     T_target_source: Float[np.ndarray, "4 4"]
     inliers: Bool[np.ndarray, "P"]
-    """Source points with a partner within the last cutoff."""
+    """Points of the last stage that have a partner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,37 +84,36 @@ def register(
     source: Cloud,
     target: RegistrationTarget,
     *,
-    cutoffs: Sequence[float],
+    stages: Sequence[Stage],
     noise: float,
     prior: Prior,
-    iterations: int = 8,
 ) -> Registration | None:
     """Gauss-Newton over pairs found anew in each iteration.
 
-    Minimises the symmetric point-to-plane distance (Rusinkiewicz 2019) and, after the first stage,
-    the brightness difference along the surface (Park, Zhou, Koltun 2017), both with Tukey weights.
+    Minimises the symmetric point-to-plane distance (Rusinkiewicz 2019) and the brightness
+    difference along the surface (Park, Zhou, Koltun 2017), both with Tukey weights.
     Source and target are in one frame up to a small correction, which `prior` bounds where the
     images do not. None when fewer than ten points find a partner.
 
     Args:
-        cutoffs: largest correspondence distance of each stage [m], from coarse to fine.
+        stages: from coarse to fine.
         noise: standard deviation of the source points along the line of sight [m].
-        iterations: at most, in each stage.
     """
     T = np.eye(4)
     inliers = np.zeros(len(source), dtype=bool)
-    for stage, cutoff in enumerate(cutoffs):
-        for _ in range(iterations):
-            pairs, inliers = _pair(source, target, T, cutoff)
+    for stage in stages:
+        part = source[:: stage.every]
+        for _ in range(stage.iterations):
+            pairs, inliers = _pair(part, target, T, stage.cutoff)
             if inliers.sum() < _LEAST_PAIRS:
                 return None
-            H, g = _geometric_terms(pairs, cutoff, noise)
-            if stage > 0:
+            H, g = _geometric_terms(pairs, stage.cutoff, noise)
+            if stage.color:
                 H_color, g_color = _color_terms(pairs)
                 H, g = H + H_color, g + g_color
             step = _solve(H, g, T, prior)
             T = step @ T
-            if np.linalg.norm(step[:3, 3]) < 1e-4 and np.trace(step[:3, :3]) > 3 - 1e-6:
+            if np.linalg.norm(step[:3, 3]) < stage.small_m and _angle(step) < stage.small_rad:
                 break
     return Registration(T, inliers)
 
@@ -161,6 +178,11 @@ def _solve(H: np.ndarray, g: np.ndarray, T: np.ndarray, prior: Prior) -> Float[n
     information = prior.information()
     step: np.ndarray = -np.linalg.solve(H + information, g + information @ from_prior)
     return make_transform(cv2.Rodrigues(step[:3])[0], step[3:])
+
+
+def _angle(T: np.ndarray) -> float:
+    """Rotation angle [rad], for small turns."""
+    return 0.5 * float(np.linalg.norm(T[:3, :3] - T[:3, :3].T)) / np.sqrt(2.0)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
