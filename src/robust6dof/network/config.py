@@ -79,7 +79,6 @@ class NetworkConfig:
                 f"{self.keypoints} keypoints cannot each have a point of a prior of "
                 f"{self.prior_points}; raise prior_points"
             )
-        object.__setattr__(self, "pixel_widths", tuple(self.pixel_widths))
 
     def to_json(self) -> str:
         """As JSON text, stored beside the weights."""
@@ -99,6 +98,8 @@ class NetworkConfig:
         unknown = set(values) - {field.name for field in fields(cls)}
         if unknown:
             raise InputError(f"unknown network settings {sorted(unknown)}: made by another version")
+        if "pixel_widths" in values:
+            values["pixel_widths"] = tuple(values["pixel_widths"])
         return cls(**values)
 
 

@@ -9,35 +9,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+BatchT = TypeVar("BatchT", bound="_Batch")
+
 
 class _Batch:
     """Stack, move and split a dataclass whose fields are tensors with the batch in front."""
 
-    def to(self, device: torch.device | str) -> Self:
+    def to(self: BatchT, device: torch.device | str) -> BatchT:
         """The same on another device."""
         return self._map(lambda value: value.to(device))
 
-    def detach(self) -> Self:
+    def detach(self: BatchT) -> BatchT:
         """The same without its graph."""
         return self._map(lambda value: value.detach())
 
-    def __getitem__(self, index: slice) -> Self:
+    def __getitem__(self: BatchT, index: slice) -> BatchT:
         """A slice of the batch."""
         return self._map(lambda value: value[index])
 
     @classmethod
-    def cat(cls, parts: Sequence[Self]) -> Self:
+    def cat(cls: type[BatchT], parts: Sequence[BatchT]) -> BatchT:
         """Several batches one after another."""
         names = [field.name for field in fields(cls)]  # pyright: ignore[reportArgumentType]
         return cls(**{name: torch.cat([getattr(part, name) for part in parts]) for name in names})
 
-    def _map(self, function: Callable[[Tensor], Tensor]) -> Self:
+    def _map(self: BatchT, function: Callable[[Tensor], Tensor]) -> BatchT:
         names = [field.name for field in fields(self)]  # pyright: ignore[reportArgumentType]
         return type(self)(**{name: function(getattr(self, name)) for name in names})
 

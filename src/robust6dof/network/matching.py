@@ -48,10 +48,12 @@ def match_views(
 
 
 def mutual_matches(probability: Float[Tensor, "B K L"], threshold: float) -> Bool[Tensor, "B K L"]:
-    """M_c: mutual nearest neighbours with probability ≥ θ_c."""
-    is_row_best = probability == probability.amax(2, keepdim=True)
-    is_column_best = probability == probability.amax(1, keepdim=True)
-    return is_row_best & is_column_best & (probability >= threshold)
+    """M_c: mutual nearest neighbours with probability ≥ θ_c; of equal ones the first."""
+    row_best = torch.zeros_like(probability, dtype=torch.bool)
+    row_best.scatter_(2, probability.argmax(2, keepdim=True), True)
+    column_best = torch.zeros_like(row_best)
+    column_best.scatter_(1, probability.argmax(1, keepdim=True), True)
+    return row_best & column_best & (probability >= threshold)
 
 
 @dataclass(frozen=True, eq=False)

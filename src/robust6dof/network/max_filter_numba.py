@@ -6,7 +6,7 @@ into vector instructions; two rows and four channels at a time share their loads
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, no_type_check
 
 import numba
 import numpy as np
@@ -46,7 +46,9 @@ def _as_array(tensor: Tensor) -> np.ndarray:
     return tensor.detach().contiguous().numpy()
 
 
+@no_type_check
 def _type_larger(_context: Any, a: Any, _b: Any) -> Any:
+    @no_type_check
     def generate(_ctx: Any, builder: IRBuilder, _signature: Any, args: Any) -> Any:
         is_larger = builder.fcmp_ordered(">", args[0], args[1], flags=["fast"])
         return builder.select(is_larger, args[0], args[1], flags=["fast"])
@@ -59,6 +61,7 @@ _larger: Any = intrinsic(_type_larger)
 
 
 @numba.njit(fastmath=True, nogil=True, cache=True)
+@no_type_check
 def _max_product(W, A, best):
     (rows, columns), channels = W.shape, A.shape[0]
     lowest = A.dtype.type(-np.inf)
@@ -87,6 +90,7 @@ def _max_product(W, A, best):
 
 
 @numba.njit(fastmath=True, nogil=True, cache=True)
+@no_type_check
 def _max_sum(W, A, B, best):
     (rows, columns), channels = W.shape, A.shape[0]
     lowest = A.dtype.type(-np.inf)
@@ -103,6 +107,7 @@ def _max_sum(W, A, B, best):
 
 
 @numba.njit(fastmath=True, nogil=True, cache=True)
+@no_type_check
 def _max_and_index(W, A, B, has_offset, best, index):
     (rows, columns), channels = W.shape, A.shape[0]
     lowest = A.dtype.type(-np.inf)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import importlib.util
-from typing import Any
+from typing import Any, no_type_check
 
 import torch
 from torch import Tensor
@@ -46,6 +46,7 @@ def _kernel() -> Any:
     import triton.language as tl  # pyright: ignore[reportMissingImports]
 
     @triton.jit
+    @no_type_check
     def kernel(
         weight, value, added, best, index, rows, columns, channels,
         HAS_OFFSET: tl.constexpr, ROWS: tl.constexpr, CHANNELS: tl.constexpr,
