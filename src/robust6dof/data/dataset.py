@@ -71,6 +71,10 @@ class DatasetSequence(ABC):
             DataError: an annotation that contradicts itself.
         """
 
+    @abstractmethod
+    def missing(self, index: int) -> tuple[str, ...]:
+        """What the data set's layout foresees for a frame and this copy lacks, in words."""
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
@@ -92,6 +96,11 @@ class Dataset:
                 return sequence
         known = ", ".join(sequence.name for sequence in self.sequences)
         raise InputError(f"{self.name} has no sequence '{name}'; it has: {known}")
+
+
+def absent(files: dict[str, Path | None]) -> tuple[str, ...]:
+    """Of what the paths are for, by name: those that do not exist."""
+    return tuple(name for name, path in files.items() if path is None or not path.exists())
 
 
 def make_frame(

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, make_frame
+from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent, make_frame
 from robust6dof.data.depth_unit import MILLIMETRE, depth_to_metres
 from robust6dof.data.image_files import read_color, read_labels
 from robust6dof.data.layouts import natural_key
@@ -61,6 +61,12 @@ class NocsSequence(DatasetSequence):
         if not meta.is_file():
             return ()
         return self.files.read(name, read_meta(meta), self.instance_ids(index))
+
+    def missing(self, index: int) -> tuple[str, ...]:
+        name = self.frame_names[index]
+        endings = ("mask.png", "meta.txt", "coord.png")
+        files: dict[str, Path | None] = {f"_{e}": self.folder / f"{name}_{e}" for e in endings}
+        return absent(files) + self.files.missing(name)
 
     def meta(self, index: int) -> tuple[MetaLine, ...]:
         """The lines of `_meta.txt`, distractors and absent objects included."""
@@ -148,7 +154,8 @@ def _open_split(root: Path, folder: Path, split: NocsSplit) -> tuple[DatasetSequ
 
 def _open_scene(root: Path, folder: Path, split: NocsSplit) -> NocsSequence | None:
     colors = folder.glob("*_color.png") if folder.is_dir() else ()
-    names = sorted((file.name.removesuffix("_color.png") for file in colors), key=natural_key)
+    stems = (file.name.removesuffix("_color.png") for file in colors)
+    names = sorted((stem for stem in stems if stem.isdigit()), key=natural_key)
     if not names:
         return None
     composed = None

@@ -74,6 +74,16 @@ class NocsTruthFiles:
             return ()
         return tuple(truth for truth in truths if truth.name != FAULTY_MUG)
 
+    def missing(self, frame: str) -> tuple[str, ...]:
+        """Which truth of one frame is not there, in words."""
+        label = self.folder / f"{frame}_label.pkl"
+        if not self._gts(frame).is_file() and not label.is_file():
+            return (f"poses ({self._gts(frame).relative_to(self.root)} or {label.name})",)
+        sizes = self.root / "obj_models" / self.split
+        if self.split == "real_test" and not label.is_file() and not sizes.is_dir():
+            return (f"sizes (obj_models/{self.split}/*.txt)",)
+        return ()
+
     def _gts(self, frame: str) -> Path:
         part = self.split.removeprefix("camera_")
         return self.root / "gts" / part / f"results_{part}_{self.folder.name}_{frame}.pkl"

@@ -19,7 +19,7 @@ _SIGNS = {
     ),
     "wild6d": ("test_set/*/*/*/images", "[a-z]*/*/*/images"),
     "nocs": tuple(
-        prefix + folder + "*_color.png"
+        prefix + folder + "[0-9][0-9][0-9][0-9]_color.png"
         for prefix in ("", "data/")
         for folder in ("", "real_test/*/", "real_train/*/", "val/*/", "train/*/", "Real/*/*/")
     )
@@ -53,16 +53,22 @@ def recognise(path: str | Path) -> str:
     )
 
 
-def open_dataset(path: str | Path, depth_only: bool = False) -> Dataset:
+def open_dataset(
+    path: str | Path, depth_only: bool = False, models: str | Path | None = None
+) -> Dataset:
     """Open whatever data set or recording a folder holds, with its default split.
 
     Args:
         path: the folder.
         depth_only: for recordings whose colour is not registered to their depth.
+        models: for YCB-Video, where the object models lie if not in its `models/`.
 
     Raises:
         DataError: not recognised, or not readable.
     """
-    openers = {"ycb-video": open_ycb_video, "wild6d": open_wild6d, "nocs": open_nocs}
     name = recognise(path)
-    return open_recordings(path, depth_only) if name == "recordings" else openers[name](path)
+    if name == "recordings":
+        return open_recordings(path, depth_only)
+    if name == "ycb-video":
+        return open_ycb_video(path, models=models)
+    return open_nocs(path) if name == "nocs" else open_wild6d(path)

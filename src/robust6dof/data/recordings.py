@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
+from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent
 from robust6dof.data.layouts import natural_key
 from robust6dof.data.object_card import ObjectCard, read_object_card
 from robust6dof.data.video import Video, read_video
@@ -56,6 +56,18 @@ class RecordingSequence(DatasetSequence):
                 visible_fraction=card.visible_fraction.get(name),
             ),
         )
+
+    def missing(self, index: int) -> tuple[str, ...]:
+        files = self.video.files[index]
+        stamped = self.video.stamps[index] is not None
+        card = self.card.category != "unknown"
+        optional: dict[str, Path | None] = {
+            "masks/": files.mask,
+            "annotated_poses/": files.annotated_pose,
+            "stamps.txt": self.video.path if stamped else None,
+            "object.json (what it shows, its size)": self.video.path if card else None,
+        }
+        return absent(optional)
 
 
 def open_recordings(path: str | Path, depth_only: bool = False) -> Dataset:

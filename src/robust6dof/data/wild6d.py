@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, make_frame
+from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent, make_frame
 from robust6dof.data.depth_unit import MILLIMETRE, depth_to_metres
 from robust6dof.data.image_files import read_color, read_depth, read_mask
 from robust6dof.data.layouts import natural_key
@@ -83,6 +83,13 @@ class Wild6dSequence(DatasetSequence):
                 handle_visible=True,
             ),
         )
+
+    def missing(self, index: int) -> tuple[str, ...]:
+        files: dict[str, Path | None] = {
+            "-mask.png": self._image(self.frame_names[index], "mask"),
+            "poses (pkl_annotations)": self.annotation_file,
+        }
+        return absent(files)
 
     @cached_property
     def _annotations(self) -> list[dict]:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.io
 from jaxtyping import Float
 
-from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, make_frame
+from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent, make_frame
 from robust6dof.data.depth_unit import depth_to_metres
 from robust6dof.data.image_files import read_color, read_depth, read_labels, read_numbers
 from robust6dof.errors import DataError, InputError
@@ -91,6 +91,15 @@ class YcbVideoSequence(DatasetSequence):
             self._truth(name, class_id, poses[..., i], labels)
             for i, class_id in enumerate(class_ids)
         )
+
+    def missing(self, index: int) -> tuple[str, ...]:
+        name = self.frame_names[index]
+        files: dict[str, Path | None] = {
+            "-meta.mat (poses, intrinsics)": self._file(name, "meta.mat"),
+            "-label.png (masks)": self._file(name, "label.png"),
+            "models/ (sizes, points)": self.models,
+        }
+        return absent(files)
 
     def _truth(
         self, name: str, class_id: int, Rt: Float[np.ndarray, "3 4"], labels: np.ndarray | None
