@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
+from robust6dof.evaluation.scores import cumulative
 from robust6dof.frames import SYMMETRIC_CATEGORIES
 from robust6dof.geometry.boxes import BoxIou, box_iou
 
@@ -19,11 +21,14 @@ class PoseRecord:
 
     sequence: str
     frame: int
+    """Index in its sequence."""
     object: str
     category: str
     T_cam_obj_true: Float[np.ndarray, "4 4"]
     extents_true: Float[np.ndarray, "3"]
     """Side lengths of the true box [m]; NaN where the data set has none."""
+    box_center: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Centre of the box in the object frame [m]; zero but for YCB models."""
     T_cam_obj: Float[np.ndarray, "4 4"] | None = None
     """The predicted pose; None where it is missing."""
     extents: Float[np.ndarray, "3"] | None = None
@@ -37,6 +42,8 @@ class PoseRecord:
     """Turning the object about its y axis changes nothing."""
     handle_visible: bool = True
     difficulty: str = ""
+    frame_name: str = ""
+    """The recording's own name of the frame."""
 
 
 def by_category(record: PoseRecord) -> bool:
@@ -64,6 +71,8 @@ class PoseBatch:
         truths = [record.T_cam_obj_true for record in records]
         self.T_cam_obj_true = np.array(truths, float).reshape(-1, 4, 4)
         self.extents_true = np.array([r.extents_true for r in records], float).reshape(-1, 3)
+        self.T_obj_box = np.tile(np.eye(4), (len(records), 1, 1))
+        self.T_obj_box[:, :3, 3] = np.array([r.box_center for r in records]).reshape(-1, 3)
 
     def R_err_deg(self) -> Float[np.ndarray, "N"]:
         errors = rotation_err_deg(self.T_cam_obj, self.T_cam_obj_true, self.symmetric)
@@ -76,13 +85,28 @@ class PoseBatch:
         """IoU of the predicted with the true box; the prediction turns where symmetric."""
         iou = box_iou(
             kind,
-            self.T_cam_obj,
+            self.T_cam_obj @ self.T_obj_box,
             self.extents,
-            self.T_cam_obj_true,
+            self.T_cam_obj_true @ self.T_obj_box,
             self.extents_true,
             self.symmetric,
         )
         return np.where(self.found, iou, 0.0)
+
+    def curves(self) -> dict[str, Any]:
+        """Share of frames within each rotation [deg] and translation error [cm], by category."""
+        R_err_deg, T_err_cm = self.R_err_deg(), self.T_err_cm()
+        axes = {"rotation": np.arange(61.0), "translation": np.arange(41) / 2}
+        return {
+            "curve_axes": axes,
+            "curves": {
+                name: {
+                    "rotation": cumulative(R_err_deg[members], axes["rotation"]),
+                    "translation": cumulative(T_err_cm[members], axes["translation"]),
+                }
+                for name, members in self.of_category().items()
+            },
+        }
 
     def of_category(self) -> dict[str, Bool[np.ndarray, "N"]]:
         """Which rows belong to each category present, in alphabetical order."""

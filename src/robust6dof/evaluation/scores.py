@@ -59,6 +59,13 @@ def average(values: np.ndarray) -> float:
     return float(np.mean(values)) if len(values) else math.nan
 
 
+def cumulative(errors: np.ndarray, axis: np.ndarray) -> list[float]:
+    """Percentage of the errors at or below each value of `axis`: an accuracy curve."""
+    if len(errors) == 0:
+        return [math.nan] * len(axis)
+    return (100.0 * np.searchsorted(np.sort(errors), axis, side="right") / len(errors)).tolist()
+
+
 def _plain(value: Any) -> Any:
     """Numbers and containers that JSON knows; NaN and infinity become null."""
     if isinstance(value, dict):

@@ -13,8 +13,9 @@ from robust6dof.errors import InputError
 from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track
 from robust6dof.geometry.transforms import make_transform
 
-Start = tuple[np.ndarray, np.ndarray]
-"""T_cam_obj [4, 4] and extents [3] that a tracker is given on its first frame."""
+Start = tuple[np.ndarray, np.ndarray | None]
+"""T_cam_obj [4, 4] and extents [3] that a tracker is given on its first frame; a data set without
+extents gives none."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class PertNoise:
 
 def perturb(
     T_cam_obj: Float[np.ndarray, "4 4"],
-    extents: Float[np.ndarray, "3"],
+    extents: Float[np.ndarray, "3"] | None,
     rng: np.random.Generator,
     noise: PertNoise | None = None,
 ) -> Start:
@@ -42,17 +43,17 @@ def perturb(
     angle = abs(rng.normal(0.0, noise.multiple * np.radians(noise.rotation_deg)))
     R_noise = Rotation.from_rotvec(angle * _direction(rng)).as_matrix()
     shift = rng.normal(0.0, noise.multiple * noise.translation) * _direction(rng)
-    diagonal = float(np.linalg.norm(extents))
-    noisy_diagonal = diagonal + rng.normal(0.0, noise.multiple * noise.scale)
-    # A box must keep a size: the Gaussian's tail would turn a small one inside out.
-    growth = max(noisy_diagonal / diagonal, 0.25)
+    added = rng.normal(0.0, noise.multiple * noise.scale)
     noisy = make_transform(R_noise @ T_cam_obj[:3, :3], T_cam_obj[:3, 3] + shift)
-    return noisy, extents * growth
+    if extents is None:
+        return noisy, None
+    # A box must keep a size: the Gaussian's tail would turn a small one inside out.
+    return noisy, extents * max(1.0 + added / float(np.linalg.norm(extents)), 0.25)
 
 
 def shift_uniformly(
     T_cam_obj: Float[np.ndarray, "4 4"],
-    extents: Float[np.ndarray, "3"],
+    extents: Float[np.ndarray, "3"] | None,
     rng: np.random.Generator,
 ) -> Start:
     """6-PACK's start: U(−2, 2) cm on each axis, the rotation and the (mean) size as given."""
@@ -62,7 +63,7 @@ def shift_uniformly(
 
 def exact(
     T_cam_obj: Float[np.ndarray, "4 4"],
-    extents: Float[np.ndarray, "3"],
+    extents: Float[np.ndarray, "3"] | None,
     rng: np.random.Generator,
 ) -> Start:
     """No noise: ground truth on the first frame (YCBInEOAT, YCB-Video)."""

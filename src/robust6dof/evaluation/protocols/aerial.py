@@ -27,7 +27,8 @@ _MEDIANS = {"R_err_deg": "R_err_deg_median", "T_err_cm": "T_err_cm_median"}
 def score(records: Sequence[PoseRecord]) -> Scores:
     """Score the counted frames; means over categories, and a 95 % interval over sequences."""
     counted = counted_records(records)
-    values = frame_values(counted)
+    batch = PoseBatch(counted, [r.symmetric or by_category_and_handle(r) for r in counted])
+    values = frame_values(batch)
     categories = np.array([record.category for record in counted])
     sequences = np.array([record.sequence for record in counted])
     difficulties = np.array([record.difficulty for record in counted])
@@ -43,6 +44,7 @@ def score(records: Sequence[PoseRecord]) -> Scores:
             "sequences": len(np.unique(sequences)),
             "per_difficulty": _per_difficulty(values, categories, difficulties),
             "interval95": bootstrap_interval(values, categories, sequences),
+            **batch.curves(),
         },
     )
 
@@ -61,12 +63,11 @@ def counted_records(records: Sequence[PoseRecord]) -> list[PoseRecord]:
     return [replace(r, T_cam_obj=None) if r.lost else r for r in counted]
 
 
-def frame_values(records: Sequence[PoseRecord]) -> dict[str, np.ndarray]:
+def frame_values(batch: PoseBatch) -> dict[str, np.ndarray]:
     """Each metric's value in each frame: 0 or 100 for a threshold, else degrees or centimetres.
 
     A lost or missing pose fails every threshold and counts as 180° and 1 m.
     """
-    batch = PoseBatch(records, [r.symmetric or by_category_and_handle(r) for r in records])
     R_err_deg, T_err_cm = batch.R_err_deg(), batch.T_err_cm()
     values = {
         "5deg5cm": 100.0 * ((R_err_deg <= 5) & (T_err_cm <= 5)),

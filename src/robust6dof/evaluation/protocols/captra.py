@@ -34,7 +34,7 @@ def score(records: Sequence[PoseRecord]) -> Scores:
         iou="aabb_fixed",
         mean=mean_rows(per_category),
         per_category=per_category,
-        details={"frames": len(kept), "frames_missing": missing},
+        details={"frames": len(kept), "frames_missing": missing, **batch.curves()},
         notes=(f"{missing} poses are missing, so their mean errors are undefined",) * bool(missing),
     )
 

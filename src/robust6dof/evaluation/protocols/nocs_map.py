@@ -85,7 +85,7 @@ def score_images(
         per_category=per_category,
         details={
             "images": len(images),
-            "curve_axes": {key: axis.tolist() for key, axis in axes.items()},
+            "curve_axes": axes,
             "curves": curves,
         },
         notes=NOTES,

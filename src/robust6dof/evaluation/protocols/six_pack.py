@@ -50,7 +50,11 @@ def score_batch(protocol: str, batch: PoseBatch, truth_extents: np.ndarray) -> S
         iou="nocs_official",
         mean=mean_rows(per_category),
         per_category=per_category,
-        details={"frames": len(batch.found), "frames_missing": int((~batch.found).sum())},
+        details={
+            "frames": len(batch.found),
+            "frames_missing": int((~batch.found).sum()),
+            **batch.curves(),
+        },
         notes=NOTES,
     )
 

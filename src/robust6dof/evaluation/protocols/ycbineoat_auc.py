@@ -17,18 +17,6 @@ from robust6dof.evaluation.scores import Scores
 from robust6dof.geometry.transforms import invert_transform
 
 FRAMES = 7_449
-VIDEO_OBJECTS = {
-    "bleach0": "021_bleach_cleanser",
-    "bleach_hard_00_03_chaitanya": "021_bleach_cleanser",
-    "cracker_box_reorient": "003_cracker_box",
-    "cracker_box_yalehand0": "003_cracker_box",
-    "mustard0": "006_mustard_bottle",
-    "mustard_easy_00_02": "006_mustard_bottle",
-    "sugar_box1": "004_sugar_box",
-    "sugar_box_yalehand0": "004_sugar_box",
-    "tomato_soup_can_yalehand0": "005_tomato_soup_can",
-}
-"""Which object each video shows: its folder's name is all that says so."""
 
 
 def score(records: Sequence[PoseRecord], models: Mapping[str, np.ndarray]) -> Scores:

@@ -13,9 +13,10 @@ import numpy as np
 
 from robust6dof.evaluation.metrics import add, add_s, vocap_auc
 from robust6dof.evaluation.records import PoseBatch, PoseRecord
-from robust6dof.evaluation.scores import Row, Scores, mean_rows
+from robust6dof.evaluation.scores import Row, Scores, cumulative, mean_rows
 
 PAIRS = 14_025
+DISTANCES_CM = np.arange(101) / 10
 
 
 def score(records: Sequence[PoseRecord], models: Mapping[str, np.ndarray]) -> Scores:
@@ -46,6 +47,11 @@ def auc_scores(
             "mean_is": "pooled over all pairs",
             "object_mean": mean_rows(per_object),
             "pairs": len(records),
+            "curve_axes": {"distance": DISTANCES_CM},
+            "curves": {
+                "ADD": {"distance": cumulative(100 * add_errors, DISTANCES_CM)},
+                "ADD-S": {"distance": cumulative(100 * add_s_errors, DISTANCES_CM)},
+            },
             "pairs_missing": sum(record.T_cam_obj is None for record in records),
         },
     )

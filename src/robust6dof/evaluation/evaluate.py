@@ -1,0 +1,171 @@
+"""Second loop: score stored poses, ours or other people's, under a named protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from robust6dof.data.dataset import Dataset
+from robust6dof.errors import InputError
+from robust6dof.evaluation.detections import Image
+from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
+from robust6dof.evaluation.model_points import read_model_points
+from robust6dof.evaluation.protocols import Protocol
+from robust6dof.evaluation.protocols.nocs_map import score_images
+from robust6dof.evaluation.protocols.ycbineoat_auc import align_first_frame
+from robust6dof.evaluation.records import PoseRecord
+from robust6dof.evaluation.result_formats import BopCsv, ObInCam, SixPackText, read_nocs_results
+from robust6dof.evaluation.run_records import make_records, read_run_info, records_of_run
+from robust6dof.evaluation.scores import Scores
+from robust6dof.evaluation.truth_file import open_with_truth
+
+FORMATS = ("run", "icg", "nocs", "6pack", "ob_in_cam", "bop")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """Poses read from disk, with the truth beside them."""
+
+    tracker: str
+    data: str
+    records: Sequence[PoseRecord] = ()
+    images: Sequence[Image] = field(default=())
+    """Instead of records, where predictions are not assigned to truths (NOCS results)."""
+
+
+def recognise_format(path: Path) -> str:
+    """Which of FORMATS a path holds.
+
+    Raises:
+        InputError: there is no such path.
+    """
+    if not path.exists():
+        raise InputError(f"{path} does not exist")
+    if path.is_file():
+        return "bop" if path.suffix == ".csv" else "icg"
+    if (path / "run.json").is_file():
+        return "run"
+    if any(path.glob("temp_*")):
+        return "6pack"
+    return "nocs" if any(path.glob("**/results_*.pkl")) else "ob_in_cam"
+
+
+def read_stored(
+    path: Path,
+    protocol: Protocol,
+    data: Path | None = None,
+    method: str | None = None,
+    form: str | None = None,
+) -> list[Stored]:
+    """Read stored poses in any of FORMATS; several where a pack holds several methods.
+
+    Args:
+        path: run folder, ICG's zip, NOCS results, 6-PACK text, ob_in_cam folders, BOP csv.
+        protocol: what they are to be scored by.
+        data: where the truth is; the formats `icg` and `nocs` bring their own.
+        method: which method of a pack; all when not given. Else the tracker's name.
+        form: one of FORMATS; recognised when not given.
+
+    Raises:
+        DataError: unreadable, or fitting no truth.
+        InputError: `data` is needed, or the format does not go with the protocol.
+    """
+    form = form or recognise_format(path)
+    if form == "icg":
+        methods = [method] if method else icg_methods(path)
+        return [Stored(name, "ycb-video", read_icg_poses(path, name)) for name in methods]
+    if form == "nocs":
+        return [Stored(method or path.name, "nocs", images=read_nocs_results(path))]
+    info = read_run_info(path) if form == "run" else None
+    place = data or (Path(info.data) if info else None)
+    if place is None:
+        raise InputError(f"poses in the format '{form}' bring no truth: give --data")
+    dataset = open_with_truth(place, with_masks=False)
+    if info is not None:
+        records = records_of_run(path, dataset, protocol.keyframes_only)
+        name = f"{info.tracker} (started as {info.protocol})"
+        tracker = info.tracker if info.protocol == protocol.name else name
+        return [Stored(method or tracker, dataset.name, records)]
+    records = _foreign_records(path, form, dataset, protocol)
+    return [Stored(method or path.stem, dataset.name, records)]
+
+
+def _foreign_records(
+    path: Path, form: str, dataset: Dataset, protocol: Protocol
+) -> list[PoseRecord]:
+    readers = {"6pack": SixPackText, "ob_in_cam": ObInCam, "bop": BopCsv}
+    records = list(make_records(dataset, readers[form](path), protocol.keyframes_only))
+    if not any(record.T_cam_obj is not None for record in records):
+        raise InputError(f"{path} holds no pose of any frame of {dataset.path}")
+    return records
+
+
+def score_stored(
+    stored: Stored,
+    protocol: Protocol,
+    models: Path | None = None,
+    point_stride: int = 1,
+    align_first: bool = False,
+) -> Scores:
+    """Score under a protocol.
+
+    Args:
+        stored: what `read_stored` gave.
+        protocol: how.
+        models: folder of model points, where ADD and ADD-S are measured.
+        point_stride: measure them with every n-th point only: faster, but ADD-S grows with it.
+        align_first: right-multiply every track so that its first pose is the truth, as is done
+            for model-free trackers.
+
+    Raises:
+        InputError: detections under a protocol of tracks, no models.
+        DataError: a model is missing.
+    """
+    if stored.images:
+        scores = _score_images(stored.images, protocol)
+    else:
+        records = align_first_frame(stored.records) if align_first else stored.records
+        if protocol.needs_models:
+            points = _points(records, models, point_stride)
+            scores = _say_stride(protocol.score(records, points), point_stride)
+        else:
+            scores = protocol.score(records)
+    return replace(scores, data=stored.data, tracker=stored.tracker)
+
+
+def _score_images(images: Sequence[Image], protocol: Protocol) -> Scores:
+    if protocol.name == "nocs-map":
+        return score_images(images)
+    if protocol.name == "wild6d":
+        return score_images(images, "wild6d", "aabb_fixed", handle_rule=False)
+    raise InputError(f"detections cannot be scored by '{protocol.name}', only by nocs-map, wild6d")
+
+
+def _points(
+    records: Sequence[PoseRecord], models: Path | None, stride: int
+) -> dict[str, np.ndarray]:
+    if models is None:
+        raise InputError("ADD and ADD-S need the objects' points: give --models")
+    if stride < 1:
+        raise InputError(f"the point stride must be at least 1, not {stride}")
+    points = read_model_points(models, {record.category for record in records})
+    return {name: rows[::stride] for name, rows in points.items()}
+
+
+def _say_stride(scores: Scores, stride: int) -> Scores:
+    if stride == 1:
+        return scores
+    note = f"measured with every {stride}. model point only: ADD-S comes out too large"
+    return replace(scores, notes=(*scores.notes, note))
+
+
+def default_models(path: Path, data: Path | None) -> Path | None:
+    """`models_points/` or `models/` beside the stored poses or in the data set."""
+    for root in (path.parent, data):
+        for name in ("models_points", "models"):
+            if root is not None and (root / name).is_dir():
+                return root / name
+    return None

@@ -1,0 +1,122 @@
+"""Second loop, last part: scores as files: JSON, a Markdown table beside the published, plots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from robust6dof.evaluation.published import CAVEATS, PUBLISHED
+from robust6dof.evaluation.scores import Row, Scores
+
+_AXIS_LABELS = {
+    "rotation": "rotation error [deg]",
+    "translation": "translation error [cm]",
+    "iou": "IoU",
+    "distance": "mean point distance [cm]",
+}
+
+
+def write_report(out: Path, scores: Sequence[Scores]) -> list[Path]:
+    """Write `scores.json` (in a folder per tracker where there are several), `table.md`, plots."""
+    written: list[Path] = []
+    for one in scores:
+        folder = out if len(scores) == 1 else out / one.tracker
+        one.write(folder / "scores.json")
+        written.append(folder / "scores.json")
+        if one.details.get("curves"):
+            written.append(plot_curves(one, folder / "curves.png"))
+    (out / "table.md").write_text(markdown(scores), encoding="utf-8")
+    return [*written, out / "table.md"]
+
+
+def markdown(scores: Sequence[Scores]) -> str:
+    """The whole page: ours beside the published, per category, intervals, what to mind."""
+    first = scores[0]
+    published = PUBLISHED.get(first.protocol, ())
+    keys = _columns(first)
+    rows = [(f"**{one.tracker}**", one.mean, one.details.get("mean_is", "")) for one in scores]
+    for one in scores:
+        if "object_mean" in one.details:
+            text = "unweighted mean of the objects"
+            rows.append((f"**{one.tracker}**", one.details["object_mean"], text))
+    rows += [(line.method, line.figures, line.remark or "published") for line in published]
+    iou = f", IoU `{first.iou}`" if first.iou else ""
+    parts = [
+        f"# {first.data or 'scores'}: protocol `{first.protocol}`{iou}\n",
+        _table(["method", *keys, "remark"], [_cells(*row, keys) for row in rows]),
+        *(_sections(one) for one in scores),
+        _notes([note for one in scores for note in one.notes], CAVEATS.get(first.protocol, ())),
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _columns(scores: Scores) -> list[str]:
+    """The metrics, without the headline IoU's second name."""
+    return [key for key in scores.mean if not key.endswith(f"_{scores.iou}")]
+
+
+def _sections(scores: Scores) -> str:
+    keys = _columns(scores)
+    named = [(name, row, "") for name, row in scores.per_category.items()]
+    parts = [f"## {scores.tracker}: per category\n", _rows_table("category", keys, named)]
+    difficulties: dict[str, Row] = scores.details.get("per_difficulty", {})
+    if difficulties:
+        named = [(name, row, "") for name, row in difficulties.items()]
+        parts += [f"## {scores.tracker}: per difficulty\n", _rows_table("difficulty", keys, named)]
+    interval: dict[str, Any] = scores.details.get("interval95", {})
+    if interval:
+        count = scores.details["sequences"]
+        parts.append(f"## {scores.tracker}: 95 % interval (bootstrap over {count} sequences)\n")
+        rows = [
+            [k, _number(scores.mean[k]), f"{low:.1f} – {high:.1f}"]
+            for k, (low, high) in interval.items()
+        ]
+        parts.append(_table(["metric", "mean", "interval"], rows))
+    return "\n".join(parts)
+
+
+def _rows_table(head: str, keys: list[str], rows: list[tuple[str, Row, str]]) -> str:
+    return _table([head, *keys], [_cells(*row, keys)[:-1] for row in rows])
+
+
+def _cells(name: str, row: Row, remark: str, keys: list[str]) -> list[str]:
+    return [name, *(_number(row.get(key, math.nan)) for key in keys), remark]
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else "–"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
+
+
+def _notes(notes: Sequence[str], caveats: Sequence[str]) -> str:
+    lines = [f"- {text}\n" for text in dict.fromkeys([*notes, *caveats])]
+    return "## To mind\n\n" + "".join(lines) if lines else ""
+
+
+def plot_curves(scores: Scores, path: Path) -> Path:
+    """One panel for each axis of `details["curves"]`, one line for each category."""
+    from matplotlib.figure import Figure
+
+    axes: dict[str, Any] = scores.details["curve_axes"]
+    figure = Figure(figsize=(4.6 * len(axes), 3.8), layout="constrained")
+    panels = figure.subplots(1, len(axes), squeeze=False)[0]
+    for panel, (name, values) in zip(panels, axes.items(), strict=True):
+        for label, curves in scores.details["curves"].items():
+            panel.plot(values, curves[name], label=label)
+        label = _AXIS_LABELS[name]
+        panel.set(xlabel=f"{label} ({scores.iou})" if name == "iou" else label, ylim=(0, 102))
+        panel.set_xlim(values[0], values[-1])
+        panel.grid(alpha=0.3)
+    is_map = scores.protocol in ("nocs-map", "wild6d")
+    panels[0].set_ylabel("AP [%]" if is_map else "frames within [%]")
+    panels[-1].legend(fontsize="small")
+    figure.suptitle(f"{scores.tracker} on {scores.data}, protocol {scores.protocol}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+    return path
