@@ -7,44 +7,45 @@ from jaxtyping import Float
 
 from robust6dof.shapes.atlas import pack
 from robust6dof.shapes.draw import Draw
+from robust6dof.shapes.labels import decorated
 from robust6dof.shapes.loft import ROUND, Section, revolve, rounded
 from robust6dof.shapes.mesh import ObjectModel
 from robust6dof.shapes.solid import finish
-from robust6dof.shapes.textures import material, pattern, random_color, solid
+from robust6dof.shapes.textures import (
+    any_pattern,
+    grain,
+    grey,
+    material,
+    mean_color,
+    random_color,
+    solid,
+)
 
 
 def make_bowl(draw: Draw) -> ObjectModel:
     """One lathe profile: foot, outside, lip, inside."""
-    outside_image = pattern(draw, "outside", 96, 256)
-    mean = outside_image.reshape(-1, 3).mean(axis=0).astype(np.uint8)
-    images = {
-        "outside": outside_image,
-        "inside": _inside_image(draw, mean),
-        "bottom": solid(mean),
-    }
-    atlas = pack(images)
+    atlas = pack(_images(draw))
     outer, bottom = _outer(draw)
     inner = _inner(draw, outer)
-    part = revolve(
-        [(bottom, atlas["bottom"]), (outer, atlas["outside"]), (inner, atlas["inside"])],
-        _section(draw, float(outer[:, 0].max())),
-        count=56,
-    )
+    bands = [(bottom, atlas["bottom"]), (outer, atlas["outside"]), (inner, atlas["inside"])]
+    section = _section(draw, float(outer[:, 0].max()))
+    part = revolve(bands, section)
     return finish(part, atlas, material(draw, matt=0.3), "bowl", draw)
 
 
-def _inside_image(draw: Draw, mean: np.ndarray) -> np.ndarray:
+def _images(draw: Draw) -> dict[str, np.ndarray]:
+    outside = grain(decorated(draw.rng, 96, 256), draw.rng)
+    mean = mean_color(outside)
     kind = draw.choice(
         "inside", {"as outside": 0.35, "white": 0.25, "pattern": 0.25, "other": 0.15}
     )
-    if kind == "pattern":
-        return pattern(draw, "inside_pattern", 96, 256)
     colors = {
         "as outside": mean,
-        "white": np.full(3, 240, np.uint8),
+        "white": grey(240),
         "other": random_color(draw.rng),
     }
-    return solid(colors[kind], 16, 32)
+    inside = any_pattern(draw.rng, 96, 256) if kind == "pattern" else solid(colors[kind], 16, 32)
+    return {"outside": outside, "inside": inside, "bottom": solid(mean)}
 
 
 def _outer(draw: Draw) -> tuple[Float[np.ndarray, "N 2"], Float[np.ndarray, "M 2"]]:

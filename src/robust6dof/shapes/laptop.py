@@ -3,58 +3,106 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
-from robust6dof.shapes.atlas import pack
-from robust6dof.shapes.camera import FACING_X
+from robust6dof.shapes.atlas import Atlas, pack
 from robust6dof.shapes.draw import Draw
-from robust6dof.shapes.loft import box
+from robust6dof.shapes.labels import keyboard, lid_back, screen
+from robust6dof.shapes.loft import Part, box, revolve
 from robust6dof.shapes.mesh import ObjectModel
 from robust6dof.shapes.solid import finish, union
-from robust6dof.shapes.textures import grain, material, pattern, solid
+from robust6dof.shapes.textures import Color, grain, grey, material, near, random_color, solid
 
 LYING = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 """Turns a box's front (z) up, its right (x) to −z, its up (y) to −x: as the user sees it."""
+STANDING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Turns a box's front (z) to +x, its right (x) to −z."""
+_ALONG_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def make_laptop(draw: Draw) -> ObjectModel:
-    shade = np.full(3, draw.rng.choice([25, 60, 180, 215]), np.uint8)
-    atlas = pack(
-        {
-            "keyboard": _keyboard(draw, shade),
-            "screen": pattern(draw, "screen", 96, 192),
-            "shell": grain(solid(shade, 32, 32), draw.rng),
-        }
-    )
-    width = draw.uniform("width", 0.26, 0.4)
-    depth = width * draw.uniform("depth_over_width", 0.6, 0.75)
-    base_thickness = draw.uniform("base_thickness", 0.009, 0.026)
-    lid_thickness = draw.uniform("lid_thickness", 0.004, 0.009)
-    angle = np.radians(draw.uniform("angle_deg", 75, 155) - 90)
-    corner = draw.uniform("corner", 0.002, 0.015)
-    shell = atlas["shell"]
-    base = box(
-        (width, depth, base_thickness),
-        corner,
-        0.3 * base_thickness,
-        (atlas["keyboard"], shell, shell),
-    )
+    """A base, perhaps thinner in front, a lid turned about the hinge, and the hinge's barrels."""
+    atlas = pack(_images(draw))
+    width = draw.uniform("width", 0.24, 0.40)
+    depth = width * draw.uniform("depth_over_width", 0.58, 0.78)
+    thick = draw.uniform("base_thickness", 0.008, 0.034)
+    lid_thick = draw.uniform("lid_thickness", 0.004, 0.011)
+    corner = draw.uniform("corner", 0.001, 0.018)
+    tilt = _tilt(draw.uniform("angle_deg", 70.0, 165.0))
+    size = (width, depth, thick)
+    bevel = 0.5 * thick * draw.uniform("bevel", 0.1, 0.9)
+    base = box(size, corner, bevel, (atlas["keyboard"], atlas["shell"], atlas["bottom"]))
+    base = _wedge(base.moved(LYING), thick, draw.uniform("front_over_back", 0.45, 1.0))
+    tall = depth * draw.uniform("lid_over_base", 0.93, 1.0)
     lid = box(
-        (width, depth, lid_thickness), corner, 0.3 * lid_thickness, (atlas["screen"], shell, shell)
+        (width, tall, lid_thick),
+        corner,
+        0.4 * lid_thick,
+        (atlas["screen"], atlas["shell"], atlas["back"]),
     )
-    tilt = np.array(
-        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]]
-    )
-    hinge = np.array([-depth / 2 + lid_thickness / 2, base_thickness / 2 - 0.002, 0])
-    middle = tilt @ np.array([0.0, depth / 2, 0])
-    parts = [base.moved(LYING), lid.moved(tilt @ FACING_X, hinge + middle)]
-    return finish(union(parts), atlas, material(draw), "laptop", draw)
+    axis = np.array([-depth / 2 + 0.8 * lid_thick, thick / 2 + 0.15 * lid_thick, 0.0])
+    gap = draw.uniform("hinge_gap", 0.0, 0.006)
+    middle = tilt @ np.array([-0.25 * lid_thick, tall / 2 + gap, 0.0])
+    hinges = _hinges(draw, width, lid_thick, gap, axis, atlas)
+    parts = [base, lid.moved(tilt @ STANDING, axis + middle), *hinges]
+    return finish(union(parts), atlas, material(draw, matt=0.5), "laptop", draw)
 
 
-def _keyboard(draw: Draw, shade: np.ndarray) -> np.ndarray:
-    image = solid(shade, 112, 192)
-    key = np.full(3, draw.rng.choice([20, 40, 230]), np.uint8)
-    for row in range(5):
-        for column in range(13):
-            image[10 + row * 11 : 19 + row * 11, 12 + column * 13 : 23 + column * 13] = key
-    image[72:104, 70:122] = np.clip(shade * 0.85, 0, 255).astype(np.uint8)
-    return grain(image, draw.rng)
+def _images(draw: Draw) -> dict[str, np.ndarray]:
+    shade = _shade(draw)
+    inner = shade if draw.chance("deck_as_shell", 0.7) else _shade(draw)
+    return {
+        "keyboard": grain(keyboard(draw.rng, 88, 192, inner), draw.rng),
+        "screen": screen(draw.rng, 88, 192),
+        "back": grain(lid_back(draw.rng, 64, 112, shade), draw.rng),
+        "shell": grain(solid(inner, 64, 40), draw.rng),
+        "bottom": solid(near(shade, draw.rng, 15), 64, 40),
+    }
+
+
+def _shade(draw: Draw) -> Color:
+    """Black, grey, silver or white; sometimes a colour."""
+    if draw.rng.random() < 0.12:
+        return random_color(draw.rng)
+    return near(grey(draw.rng.choice([15, 40, 90, 170, 205, 235])), draw.rng, 6)
+
+
+def _tilt(angle_deg: float) -> Float[np.ndarray, "3 3"]:
+    """Turns the upright lid about z so that it stands at the given angle to the keyboard."""
+    back = np.radians(angle_deg - 90.0)
+    cosine, sine = np.cos(back), np.sin(back)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _wedge(base: Part, thick: float, front_over_back: float) -> Part:
+    """The bottom rises towards the front (+x)."""
+    vertices = base.vertices.copy()
+    x = vertices[:, 0]
+    share = (x - x.min()) / np.ptp(x)
+    scale = 1 + share * (front_over_back - 1)
+    vertices[:, 1] = thick / 2 - (thick / 2 - vertices[:, 1]) * scale
+    return Part(vertices, base.faces, base.uv)
+
+
+def _hinges(
+    draw: Draw,
+    width: float,
+    lid_thick: float,
+    gap: float,
+    axis: Float[np.ndarray, "3"],
+    atlas: Atlas,
+) -> list[Part]:
+    """One wide barrel or two narrow ones about the hinge's axis."""
+    radius = max(0.6 * lid_thick, 0.6 * gap + 0.0025)
+    long = draw.chance("one_hinge", 0.4)
+    length = width * (draw.uniform("hinge_length", 0.4, 0.9) if long else 0.1)
+    barrel = revolve(
+        [
+            (np.array([[0, -length / 2], [radius, -length / 2]]), atlas["bottom"]),
+            (np.array([[radius, -length / 2], [radius, length / 2]]), atlas["bottom"]),
+            (np.array([[radius, length / 2], [0, length / 2]]), atlas["bottom"]),
+        ],
+        count=16,
+    )
+    places = [0.0] if long else [-0.33 * width, 0.33 * width]
+    return [barrel.moved(_ALONG_Z, axis + [0, 0, z]) for z in places]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 from collections.abc import Callable
+from typing import SupportsInt
 
 import cv2
 import numpy as np
@@ -36,6 +37,10 @@ def metal(rng: np.random.Generator) -> Color:
     if rng.random() < 0.15:
         return _rgb(rng.uniform(0.05, 0.13), rng.uniform(0.3, 0.6), rng.uniform(0.5, 0.8))
     return _rgb(rng.uniform(0.5, 0.7), rng.uniform(0, 0.08), rng.uniform(0.5, 0.85))
+
+
+def grey(level: SupportsInt) -> Color:
+    return np.full(3, int(level), np.uint8)
 
 
 def solid(color: Color, rows: int = 8, columns: int = 8) -> Image:
@@ -156,11 +161,11 @@ PATTERNS: dict[str, tuple[float, Callable[[np.random.Generator, int, int], Image
 """Name → (relative frequency, maker)."""
 
 
-def pattern(draw: Draw, name: str, rows: int, columns: int) -> Image:
-    """One of PATTERNS, with a faint grain on it."""
-    kind = draw.choice(name, {key: weight for key, (weight, _) in PATTERNS.items()})
-    image = PATTERNS[kind][1](draw.rng, rows, columns)
-    return grain(image, draw.rng)
+def any_pattern(rng: np.random.Generator, rows: int, columns: int) -> Image:
+    """One of PATTERNS by their frequencies."""
+    weights = np.array([weight for weight, _ in PATTERNS.values()])
+    maker = list(PATTERNS.values())[int(rng.choice(len(PATTERNS), p=weights / weights.sum()))][1]
+    return maker(rng, rows, columns)
 
 
 def grain(image: Image, rng: np.random.Generator, strength: float = 3.0) -> Image:
@@ -181,3 +186,7 @@ def material(draw: Draw, matt: float = 0.4) -> Material:
 
 def _rgb(hue: float, saturation: float, value: float) -> Color:
     return (255 * np.array(colorsys.hsv_to_rgb(hue, saturation, value))).astype(np.uint8)
+
+
+def mean_color(image: Image) -> Color:
+    return image.reshape(-1, 3).mean(axis=0).astype(np.uint8)
