@@ -9,6 +9,7 @@ import numpy as np
 
 from robust6dof.data.depth_unit import depth_to_metres
 from robust6dof.data.image_files import read_color, read_depth, read_mask
+from robust6dof.data.restricted_pickle import read_npy
 from robust6dof.frames import RgbdFrame
 from shared_data import shared_data
 
@@ -19,7 +20,7 @@ GRASPNET_OBJECTS = ("blue_mug", "green_bowl", "white_bowl", "mustard", "cylinder
 def graspnet_frame(name: str) -> tuple[RgbdFrame, np.ndarray]:
     """One RealSense frame and the object's points in the camera frame [N, 3]."""
     path = shared_data("tabletop_frames", "nv_6dof_graspnet", f"{name}.npy")
-    fields = np.load(path, allow_pickle=True, encoding="latin1").item()
+    fields = read_npy(path).item()
     depth = np.nan_to_num(fields["depth"]).astype(np.float32)
     frame = RgbdFrame(fields["image"], depth, fields["intrinsics_matrix"], name=name)
     return frame, fields["smoothed_object_pc"]

@@ -9,7 +9,6 @@ import pytest
 
 from data.recordings import make_mask, make_recording, make_T_cam_obj
 from robust6dof.data import open_dataset
-from robust6dof.data.object_card import ObjectCard, write_object_card
 from robust6dof.data.recordings import open_recordings, open_ycbineoat
 from robust6dof.errors import DataError, InputError
 from shared_data import shared_data
@@ -44,27 +43,14 @@ def test_other_videos_are_not_ycbineoat(tmp_path: Path) -> None:
         dataset.sequence("x")
 
 
-def test_the_object_card_tells_what_the_poses_do_not(tmp_path: Path) -> None:
-    folder = make_recording(tmp_path / "deep" / "run_2")
-    make_recording(tmp_path / "deep" / "run_10")
-    card = ObjectCard("mug_7", "mug", (0.12, 0.1, 0.08), {"100": False}, {"97": 0.25})
-    write_object_card(folder, card)
+def test_recordings_are_found_however_deep(tmp_path: Path) -> None:
+    for name in ("run_10", "run_2"):
+        make_recording(tmp_path / "deep" / name)
     dataset = open_recordings(tmp_path)
     assert [s.name for s in dataset.sequences] == ["deep/run_2", "deep/run_10"]
-    truths = [dataset.sequence("deep/run_2").truth(i)[0] for i in range(3)]
-    assert {(truth.name, truth.category) for truth in truths} == {("mug_7", "mug")}
-    np.testing.assert_array_equal(truths[0].extents, card.extents_m)
-    np.testing.assert_allclose(truths[2].T_cam_obj, make_T_cam_obj(2), atol=1e-8)
-    assert [truth.handle_visible for truth in truths] == [True, False, True]
-    assert [truth.visible_fraction for truth in truths] == [0.25, None, None]
-
-
-@pytest.mark.parametrize("text", ["mug", "[]", '{"name": "a"}', '{"name": "a", "size": 3}'])
-def test_false_object_cards_are_named(tmp_path: Path, text: str) -> None:
-    folder = make_recording(tmp_path / "a")
-    (folder / "object.json").write_text(text)
-    with pytest.raises(DataError, match=r"object\.json: not a description"):
-        open_recordings(tmp_path)
+    (truth,) = dataset.sequence("deep/run_2").truth(2)
+    np.testing.assert_allclose(truth.T_cam_obj, make_T_cam_obj(2), atol=1e-8)
+    assert dataset.sequences[0].missing(0) == ("stamps.txt",)
 
 
 def test_frames_without_annotation_have_no_truth() -> None:

@@ -90,7 +90,7 @@ def test_row_major_intrinsics_are_refused(wild6d: Path) -> None:
     with pytest.raises(DataError, match="no JSON with nine numbers K"):
         open_wild6d(wild6d).sequences[0].frame(0)
     metadata.unlink()
-    with pytest.raises(DataError, match=r"metadata: the intrinsics are missing"):
+    with pytest.raises(DataError, match=r"metadata: the file is missing"):
         open_wild6d(wild6d).sequences[0].frame(0)
 
 

@@ -13,6 +13,7 @@ from robust6dof.cli.options import CommonOptions
 if TYPE_CHECKING:
     import numpy as np
 
+    from robust6dof.data.dataset import Dataset
     from robust6dof.data.inspection import Sample
 
 SIGNS = {"ok": "ok      ", "note": "note    ", "problem": "PROBLEM "}
@@ -38,7 +39,7 @@ def run(options: Options) -> None:
     from robust6dof.data.inspection import inspect_folder
     from robust6dof.errors import DataError
 
-    inspection = inspect_folder(options.path, options.depth_only, options.frames, options.models)
+    inspection = inspect_folder(options.path, options.frames, lambda _: _open(options))
     for finding in inspection.findings:
         print(f"{SIGNS[finding.level]} {finding.text}")
     if inspection.samples:
@@ -50,6 +51,15 @@ def run(options: Options) -> None:
         raise DataError(
             options.path, f"{inspection.problems} problem(s) found", "See the lines above"
         )
+
+
+def _open(options: Options) -> Dataset:
+    from robust6dof.data import open_dataset
+    from robust6dof.evaluation.truth_file import open_with_truth
+
+    if options.depth_only or options.models is not None:
+        return open_dataset(options.path, options.depth_only, options.models)
+    return open_with_truth(options.path)
 
 
 def picture(sample: Sample) -> np.ndarray:

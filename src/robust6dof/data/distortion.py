@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from robust6dof.data.image_files import read_text
 from robust6dof.errors import DataError, InputError
 
 OPENCV_MODELS = ("opencv", "plumb_bob", "brown_conrady", "rational_polynomial")
@@ -49,10 +50,10 @@ def read_distortion(path: Path) -> Distortion:
     Raises:
         DataError: a model that is not OpenCV's polynomial one, or another count of numbers.
     """
-    words = path.read_text().replace(",", " ").replace("[", " ").replace("]", " ").split()
+    words = read_text(path).replace(",", " ").replace("[", " ").replace("]", " ").split()
     if words and words[0][:1].isalpha():
         model = words.pop(0).lower()
-        if model not in OPENCV_MODELS and any(float(word) != 0 for word in words):
+        if model not in OPENCV_MODELS and any(word.strip("0.+-") for word in words):
             raise DataError(
                 path,
                 f"lens model '{model}' is not understood",

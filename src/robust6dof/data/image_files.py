@@ -94,12 +94,23 @@ def read_numbers(path: Path) -> Float[np.ndarray, "N"]:
     Raises:
         DataError: missing, or not numbers.
     """
+    try:
+        return np.array([float(word) for word in _words(read_text(path))], dtype=np.float64)
+    except ValueError as error:
+        raise DataError(path, f"not a file of numbers ({error})", "Write plain numbers") from error
+
+
+def read_text(path: Path) -> str:
+    """Read a text file.
+
+    Raises:
+        DataError: missing, or not text.
+    """
     _require(path)
     try:
-        text = path.read_text()
-        return np.array([float(word) for word in _words(text)], dtype=np.float64)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise DataError(path, f"not a file of numbers ({error})", "Write plain numbers") from error
+        return path.read_text(encoding="utf-8")
+    except (UnicodeDecodeError, OSError) as error:
+        raise DataError(path, f"not a text file ({error})", _AGAIN) from error
 
 
 def _words(text: str) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -65,10 +65,7 @@ class Inspection:
 
 
 def inspect_folder(
-    path: str | Path,
-    depth_only: bool = False,
-    count: int = 8,
-    models: str | Path | None = None,
+    path: str | Path, count: int = 8, open_folder: Callable[[Path], Dataset] = open_dataset
 ) -> Inspection:
     """Open a folder, look at `count` frames spread over it, and say what is amiss.
 
@@ -76,14 +73,13 @@ def inspect_folder(
 
     Args:
         path: a recording or a data set.
-        depth_only: do not read the colour of recordings.
         count: how many frames to look at.
-        models: of YCB-Video, where they are not in its `models/`.
+        open_folder: how to open it, where `open_dataset` has to be told more.
     """
     inspection = Inspection(Path(path))
     try:
         inspection.kind = recognise(path)
-        dataset = open_dataset(path, depth_only, models)
+        dataset = open_folder(inspection.path)
     except DataError as error:
         inspection.add("problem", str(error))
         for text in _what_is_there(Path(path)):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robust6dof.data.dataset import ObjectTruth
-from robust6dof.data.image_files import read_numbers
+from robust6dof.data.image_files import read_numbers, read_text
 from robust6dof.data.restricted_pickle import read_pickle
 from robust6dof.errors import DataError, InputError
 from robust6dof.frames import CATEGORIES
@@ -39,10 +39,8 @@ def read_meta(path: Path) -> tuple[MetaLine, ...]:
     Raises:
         DataError: missing or malformed.
     """
-    if not path.is_file():
-        raise DataError(path, "the file is missing", "Get it again from the data set")
     try:
-        rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
+        rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
         return tuple(MetaLine(int(row[0]), int(row[1]), row[-1]) for row in rows)
     except (ValueError, IndexError) as error:
         raise DataError(path, f"not a NOCS meta file ({error})", "Get it again") from error

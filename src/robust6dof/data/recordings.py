@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent
 from robust6dof.data.layouts import natural_key
-from robust6dof.data.object_card import ObjectCard, read_object_card
 from robust6dof.data.video import Video, read_video
 from robust6dof.errors import DataError
 from robust6dof.frames import RgbdFrame
@@ -28,6 +25,9 @@ YCBINEOAT_OBJECTS = {
 """Which YCB object each of YCBInEOAT's videos shows."""
 
 
+UNNAMED = "object_0"
+
+
 @dataclass(frozen=True, eq=False)
 class RecordingSequence(DatasetSequence):
     """One recording with one annotated object."""
@@ -35,7 +35,8 @@ class RecordingSequence(DatasetSequence):
     name: str
     frame_names: tuple[str, ...]
     video: Video
-    card: ObjectCard
+    object_name: str
+    """YCBInEOAT's object, which is its category too; else `object_0` of category `unknown`."""
 
     def frame(self, index: int) -> RgbdFrame:
         return self.video[index]
@@ -44,28 +45,17 @@ class RecordingSequence(DatasetSequence):
         T_cam_obj = self.video.annotated_pose(index)
         if T_cam_obj is None:
             return ()
-        card, name = self.card, self.frame_names[index]
-        return (
-            ObjectTruth(
-                name=card.name,
-                category=card.category,
-                T_cam_obj=T_cam_obj,
-                extents=None if card.extents_m is None else np.array(card.extents_m),
-                mask=self.video.mask(index),
-                handle_visible=card.handle_visible.get(name, True),
-                visible_fraction=card.visible_fraction.get(name),
-            ),
-        )
+        category = "unknown" if self.object_name == UNNAMED else self.object_name
+        mask = self.video.mask(index)
+        return (ObjectTruth(self.object_name, category, T_cam_obj, mask=mask),)
 
     def missing(self, index: int) -> tuple[str, ...]:
         files = self.video.files[index]
         stamped = self.video.stamps[index] is not None
-        card = self.card.category != "unknown"
         optional: dict[str, Path | None] = {
             "masks/": files.mask,
             "annotated_poses/": files.annotated_pose,
             "stamps.txt": self.video.path if stamped else None,
-            "object.json (what it shows, its size)": self.video.path if card else None,
         }
         return absent(optional)
 
@@ -73,8 +63,9 @@ class RecordingSequence(DatasetSequence):
 def open_recordings(path: str | Path, depth_only: bool = False) -> Dataset:
     """Open one recording, or every recording in a folder, however deep.
 
-    What each shows is told by its `object.json`, else by YCBInEOAT's names of its videos, else
-    it is `object_0` of category `unknown`.
+    What each shows is told by YCBInEOAT's names of its videos, else it is `object_0` of category
+    `unknown`, without a size. Several objects and sizes need `ground_truth.jsonl`
+    (`robust6dof.evaluation.truth_file`).
 
     Raises:
         DataError: no recordings there, or one that `read_video` refuses.
@@ -111,11 +102,8 @@ def _open_recording(root: Path, folder: Path, depth_only: bool) -> RecordingSequ
     video = read_video(folder, depth_only=depth_only)
     relative = folder.relative_to(root).as_posix()
     name = folder.resolve().name if relative == "." else relative
-    card = read_object_card(folder)
-    if card is None:
-        known = YCBINEOAT_OBJECTS.get(folder.resolve().name)
-        card = ObjectCard(known or "object_0", known or "unknown")
-    return RecordingSequence(name, video.names, video, card)
+    object_name = YCBINEOAT_OBJECTS.get(folder.resolve().name, UNNAMED)
+    return RecordingSequence(name, video.names, video, object_name)
 
 
 def _dataset_name(sequences: tuple[RecordingSequence, ...]) -> str:

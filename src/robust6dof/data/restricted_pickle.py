@@ -11,13 +11,14 @@ import numpy as np
 from robust6dof.errors import DataError
 
 _NUMPY_MODULES = ("numpy.core", "numpy._core")
+_ARRAYS = ("multiarray", "_multiarray_umath")
 _BUILTINS = ("set", "frozenset", "bytes", "bytearray", "complex", "slice")
 ALLOWED = frozenset(
     {
         ("numpy", "ndarray"),
         ("numpy", "dtype"),
-        *((f"{module}.multiarray", "_reconstruct") for module in _NUMPY_MODULES),
-        *((f"{module}.multiarray", "scalar") for module in _NUMPY_MODULES),
+        *((f"{module}.{name}", "_reconstruct") for module in _NUMPY_MODULES for name in _ARRAYS),
+        *((f"{module}.{name}", "scalar") for module in _NUMPY_MODULES for name in _ARRAYS),
         *((f"{module}.numeric", "_frombuffer") for module in _NUMPY_MODULES),
         # How Python 3 writes bytes, the content of arrays, for protocol 2 and below.
         ("_codecs", "encode"),
@@ -83,5 +84,5 @@ def _load(file: IO[bytes], path: Path) -> Any:
             f"refused: {error}, but only numpy arrays and builtin containers are read",
             "Do not open it with pickle unless you trust who made it",
         ) from error
-    except (EOFError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
+    except Exception as error:  # a torn pickle can raise anything
         raise DataError(path, f"truncated or no pickle ({error})", "Get it again") from error

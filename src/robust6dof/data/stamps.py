@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robust6dof.data.image_files import read_text
 from robust6dof.errors import DataError, InputError
 
 _REMEDY = "Write one time in seconds a line, in frame order, or the frame's name and its time"
@@ -27,7 +28,7 @@ def frame_stamps(path: Path, names: list[str], fps: float | None) -> tuple[float
 
 
 def _read_stamps(file: Path, names: list[str]) -> tuple[float, ...]:
-    rows = [line.split() for line in file.read_text().splitlines() if line.strip()]
+    rows = [line.split() for line in read_text(file).splitlines() if line.strip()]
     try:
         if all(len(row) == 2 for row in rows):
             by_name = {name: float(stamp) for name, stamp in rows}

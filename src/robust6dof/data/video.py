@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import overload
@@ -29,7 +29,7 @@ from robust6dof.geometry.transforms import invert_transform
 
 
 @dataclass(frozen=True, eq=False)
-class Video(Sequence[RgbdFrame]):
+class Video:
     """An RGB-D recording: `len`, index, slice, iterate; each frame is read when asked for."""
 
     path: Path
@@ -58,6 +58,9 @@ class Video(Sequence[RgbdFrame]):
         if isinstance(index, slice):
             return replace(self, files=self.files[index], stamps=self.stamps[index])
         return self._read(self.files[index], self.stamps[index])
+
+    def __iter__(self) -> Iterator[RgbdFrame]:
+        return (self[index] for index in range(len(self)))
 
     @property
     def names(self) -> tuple[str, ...]:

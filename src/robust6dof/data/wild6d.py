@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent, make_frame
 from robust6dof.data.depth_unit import MILLIMETRE, depth_to_metres
-from robust6dof.data.image_files import read_color, read_depth, read_mask
+from robust6dof.data.image_files import read_color, read_depth, read_mask, read_text
 from robust6dof.data.layouts import natural_key
 from robust6dof.data.restricted_pickle import read_pickle
 from robust6dof.errors import DataError, InputError
@@ -38,10 +38,8 @@ class Wild6dSequence(DatasetSequence):
         """
         path = self.folder / "metadata"
         try:
-            numbers = json.loads(path.read_text())["K"]
+            numbers = json.loads(read_text(path))["K"]
             return np.array(numbers, dtype=np.float64).reshape(3, 3).T
-        except FileNotFoundError as error:
-            raise DataError(path, "the intrinsics are missing", "Get it again") from error
         except (ValueError, KeyError, TypeError) as error:
             raise DataError(
                 path, f"no JSON with nine numbers K ({error})", "Get it again"

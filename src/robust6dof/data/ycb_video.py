@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absent, make_frame
 from robust6dof.data.depth_unit import depth_to_metres
-from robust6dof.data.image_files import read_color, read_depth, read_labels, read_numbers
+from robust6dof.data.image_files import read_color, read_depth, read_labels, read_numbers, read_text
 from robust6dof.errors import DataError, InputError
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import check_transform, make_transform
@@ -191,10 +191,8 @@ def read_keyframes(path: str | Path) -> dict[str, tuple[str, ...]]:
     """
     path = Path(path)
     file = path / "image_sets" / "keyframe.txt" if path.is_dir() else path
-    if not file.is_file():
-        raise DataError(file, "the file is missing", "Get YCB-Video's image_sets")
     frames: dict[str, list[str]] = {}
-    for line in file.read_text().split():
+    for line in read_text(file).split():
         if not re.fullmatch(r"\d{4}/\d{6}", line):
             raise DataError(file, f"'{line}' is no video/frame", "Get YCB-Video's image_sets")
         frames.setdefault(line[:4], []).append(line[5:])
