@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.pad_servo import PadServo, ServoCommand
 from robust6dof.simulation.episode import Episode
 from robust6dof.simulation.eye_in_hand import Exposure, EyeInHand
-from robust6dof.simulation.judge import GoalError, goal_error, tracking_error
+from robust6dof.simulation.judge import Arrival, GoalError, goal_error, tracking_error
 from robust6dof.simulation.plant import (
     AerialPlant,
     OnboardReading,
@@ -60,6 +60,7 @@ class GuidanceStep:
     """The image taken now, if one was."""
 
 
+@runtime_checkable
 class Observer(Protocol):
     """Looks on; nothing that it does reaches the loop."""
 
@@ -78,7 +79,7 @@ class GuidanceRun:
 
     trace: Trace
     reached_at: float | None
-    """When both true errors were first below their thresholds [s]."""
+    """When both true errors came below their thresholds to stay (see `Arrival`) [s]."""
     touched: bool
     """Whether the vehicle ran into anything."""
 
@@ -120,33 +121,27 @@ class _Loop:
 
     def run(self, observers: Sequence[Observer]) -> GuidanceRun:
         rows: list[Row] = []
-        reached_at: float | None = None
+        arrival = Arrival(self.config.servo, self.config.hold)
         touched = False
         period = self.config.servo.period
-        for tick in range(round(self.config.time_limit / period)):
-            step, row = self._tick(any(o.wants_image(tick) for o in observers))
+        for tick in range(round(self.config.time_limit / period) + 1):
+            step, row = self._tick(tick * period, any(o.wants_image(tick) for o in observers))
             rows.append(row)
             for observer in observers:
                 observer.see(tick, step)
             touched = touched or self.plant.touched
-            servo = self.config.servo
-            if reached_at is None and step.error.within(servo.delta_R, servo.delta_T):
-                reached_at = step.state.time
-            if self._is_over(reached_at, step.state.time):
+            arrival = arrival.seen(step.state.time, step.error)
+            if arrival.is_held and self.episode.scenario.stops_when_reached:
                 break
             command = step.command
             self.plant.advance(
                 VehicleCommand(command.velocity_body, command.yaw_rate, command.joint_rates),
                 period,
             )
-        return GuidanceRun(Trace(tuple(rows)), reached_at, touched)
+        return GuidanceRun(Trace(tuple(rows)), arrival.first, touched)
 
-    def _is_over(self, reached_at: float | None, now: float) -> bool:
-        stops = self.episode.scenario.stops_when_reached and reached_at is not None
-        return stops and now >= reached_at + self.config.hold - 1e-9
-
-    def _tick(self, wants_image: bool) -> tuple[GuidanceStep, Row]:
-        state = self.plant.state()
+    def _tick(self, now: float, wants_image: bool) -> tuple[GuidanceStep, Row]:
+        state = replace(self.plant.state(), time=now)
         T_world_obj = self.episode.world.T_world_obj(state.time)
         T_cam_obj = invert_transform(state.T_world_cam) @ T_world_obj
         exposure = None

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from robust6dof.geometry.transforms import axis_error, rotation_error
+from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.interaction import rotation_error_vector
 
 
@@ -38,6 +39,37 @@ class GoalError:
     def unknown() -> GoalError:
         """Where there is no pose."""
         return GoalError(np.full(3, np.nan), np.full(3, np.nan))
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """The stop test: both errors below their thresholds, and not lost again while held.
+
+    Crossing the thresholds for a moment is no arrival: it counts from the moment after which both
+    errors stay below `hysteresis` times their thresholds for `hold` seconds.
+    """
+
+    config: PadServoConfig
+    hold: float
+    """[s]"""
+    since: float | None = None
+    """Start of the present stay at the goal [s]."""
+    first: float | None = None
+    """Start of the first stay that lasted [s]."""
+    is_held: bool = False
+    """Whether the present stay has lasted."""
+
+    def seen(self, now: float, error: GoalError) -> Arrival:
+        """Take in the error at time `now` [s]."""
+        config, slack = self.config, self.config.hysteresis
+        since = self.since
+        if since is not None and not error.within(slack * config.delta_R, slack * config.delta_T):
+            since = None
+        if since is None and error.within(config.delta_R, config.delta_T):
+            since = now
+        is_held = since is not None and now >= since + self.hold - 1e-9
+        first = since if self.first is None and is_held else self.first
+        return replace(self, since=since, first=first, is_held=is_held)
 
 
 def goal_error(

@@ -50,7 +50,8 @@ class Surface:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         offset = points[:, :2] - np.array(self.center)
         local = offset @ np.array([[c, -s], [s, c]])
-        return (np.abs(local) <= np.array(self.size) / 2.0).all(axis=1)
+        inside = np.abs(local) <= np.array(self.size) / 2.0
+        return inside[:, 0] & inside[:, 1]
 
 
 def build_model(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from robust6dof.geometry.transforms import make_transform
 
 
+@runtime_checkable
 class Path(Protocol):
     """A planar motion: where something has gone from its place at time 0."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +29,7 @@ class PoseEstimate:
     """What the tracker took."""
 
 
+@runtime_checkable
 class PoseSource(Protocol):
     """Gives a pose for each image that it has time for."""
 
@@ -60,6 +61,11 @@ class TruePoses:
         return PoseEstimate(T_cam_obj, self.extents, 1.0, TrackState.TRACKING, time, due, 0.0)
 
 
+@runtime_checkable
+class LoopTracker(PoseTracker, Protocol):
+    """Any `PoseTracker`; one whose type can be checked at run time."""
+
+
 class TrackedPoses:
     """A tracker in the loop. The first image comes with a start hint, all others alone.
 
@@ -73,7 +79,7 @@ class TrackedPoses:
 
     def __init__(
         self,
-        tracker: PoseTracker,
+        tracker: LoopTracker,
         extents: Float[np.ndarray, "3"],
         latency: float,
         measured: bool = False,

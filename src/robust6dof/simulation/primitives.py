@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, UInt8
+from scipy.spatial.transform import Rotation
 
 from robust6dof.geometry.transforms import make_transform, transform_points
-from robust6dof.robot.arm import paper_frame
 from robust6dof.shapes.mesh import Material, TexturedMesh
 
 _MATT = Material(specular=0.05, shininess=10.0)
@@ -85,7 +85,8 @@ def tube(
     """A cylinder from one point to another [m]."""
     along = np.asarray(end, dtype=float) - start
     length = float(np.linalg.norm(along))
-    T = make_transform(paper_frame(along / length), (np.asarray(start) + end) / 2.0)
+    rotation = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0]
+    T = make_transform(rotation.as_matrix(), (np.asarray(start) + end) / 2.0)
     return moved(cylinder(radius, length, texture, sides=sides), T)
 
 

@@ -87,15 +87,17 @@ def draw_cart(rng: np.random.Generator) -> Support:
 
 
 def draw_lighting(rng: np.random.Generator) -> Lighting:
-    """One or two lamps from above and the light that the walls give back."""
+    """Two lamps from above, on different sides, and the light that the walls give back."""
     lights = []
-    for strength in (rng.uniform(0.45, 0.7), rng.uniform(0.0, 0.3)):
-        azimuth, height = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.6, 1.3)
+    first = rng.uniform(0.0, 2.0 * np.pi)
+    second = first + rng.uniform(0.6, 1.4) * np.pi
+    for azimuth, strength in ((first, rng.uniform(0.4, 0.6)), (second, rng.uniform(0.12, 0.3))):
+        height = rng.uniform(0.6, 1.3)
         towards = np.array([np.cos(azimuth), np.sin(azimuth), -height])
         warmth = rng.uniform(0.88, 1.0)
         color = (strength, strength * (0.5 + 0.5 * warmth), strength * warmth)
         lights.append(Light(towards / np.linalg.norm(towards), color))
-    level = rng.uniform(0.38, 0.55)
+    level = rng.uniform(0.36, 0.5)
     return Lighting(tuple(lights), (level, level, level))
 
 

@@ -1,0 +1,222 @@
+"""Guide the simulated aerial manipulator to an object with PAD-Servo, for one seed or many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from robust6dof.cli.options import CommonOptions
+
+if TYPE_CHECKING:
+    from robust6dof.frames import PoseTracker
+    from robust6dof.simulation.episode import Episode
+    from robust6dof.simulation.guidance import GuidanceConfig
+    from robust6dof.simulation.outcome import Outcome
+    from robust6dof.simulation.pose_source import PoseSource
+
+
+@dataclass(frozen=True)
+class Options(CommonOptions):
+    out: Path
+    """Folder for the results."""
+    scenario: str = "table"
+    """table, moving, occlusion, leave-and-return or gust."""
+    category: str = "any"
+    """bottle, bowl, camera, can, laptop or mug; any draws one for each seed."""
+    seeds: str | None = None
+    """Runs to make: 7, or 0..19 (both included), or 1,4,9. Without it the one of --seed."""
+    law: Literal["printed", "coupled", "feedforward", "ibvs", "pbvs"] = "coupled"
+    """How errors become velocities: three readings of PAD-Servo, and two laws to compare with."""
+    poses: Literal["tracker", "truth"] = "tracker"
+    """What the servo is fed: a tracker's poses from the rendered images, or the simulation's."""
+    tracker: str = "icp"
+    """Which tracker."""
+    standoff: float = 0.5
+    """Of the goal camera above the object [m], looking straight down."""
+    goal: Path | None = None
+    """File with the goal T_cam_obj (4×4 numbers) instead of --standoff."""
+    time_limit: float = 60.0
+    """End of a run that does not arrive [s]."""
+    latency_ms: float = 50.0
+    """From the exposure of an image to its arrival at the tracker."""
+    measured_delay: bool = False
+    """Add the tracker's own computing time to the delay (a run then no longer repeats exactly)."""
+    same_category_clutter: bool = False
+    """Put objects of the target's own category beside it too."""
+    video: bool = True
+    """Write guidance.mp4."""
+    processes: int | None = None
+    """Runs at a time; one for each core if not given."""
+
+
+def run(options: Options) -> None:
+    """Fly all seeds and write their folders and campaign.json."""
+    import json
+    import os
+
+    from robust6dof.simulation.campaign import finished, parse_seeds, run_all, seed_folder
+    from robust6dof.simulation.outcome import sum_up
+    from robust6dof.simulation.scenario import scenario_named
+
+    seeds = parse_seeds(options.seeds or str(options.seed))
+    scenario_named(options.scenario)
+    _check(options)
+    settings = _settings(options)
+    done = {seed: finished(seed_folder(options.out, seed), settings) for seed in seeds}
+    outcomes = [outcome for outcome in done.values() if outcome is not None]
+    todo = [seed for seed in seeds if done[seed] is None]
+    _announce(options, len(outcomes))
+    options.out.mkdir(parents=True, exist_ok=True)
+    processes = options.processes or os.cpu_count() or 1
+    try:
+        for outcome in run_all(partial(fly, options), todo, processes):
+            outcomes.append(outcome)
+            print(_line(outcome, len(outcomes), len(seeds)), flush=True)
+    finally:
+        campaign = sum_up(sorted(outcomes, key=lambda outcome: outcome.seed))
+        if outcomes:
+            text = json.dumps(settings | campaign, indent=1)
+            (options.out / "campaign.json").write_text(text + "\n")
+    _report(options, campaign)
+
+
+def fly(options: Options, seed: int) -> Outcome:
+    """One seed: fly it, write its folder, return its outcome."""
+    from contextlib import ExitStack
+
+    from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
+    from robust6dof.simulation.campaign import seed_folder, store
+    from robust6dof.simulation.episode import EpisodeOptions
+    from robust6dof.simulation.guidance import run_guidance
+    from robust6dof.simulation.outcome import judge_run
+    from robust6dof.simulation.scenario import scenario_named
+    from robust6dof.simulation.start import draw_episode
+    from robust6dof.visualization.guidance_plots import plot_errors, plot_velocities
+    from robust6dof.visualization.guidance_video import GuidanceVideo
+
+    manipulator, goal, config = default_aerial_manipulator(), _goal(options), _config(options)
+    category = None if options.category == "any" else options.category
+    drawn = EpisodeOptions(category, options.same_category_clutter)
+    episode = draw_episode(scenario_named(options.scenario), drawn, manipulator, goal, seed)
+    folder = seed_folder(options.out, seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        observers = []
+        if options.video:
+            name = "truth" if options.poses == "truth" else options.tracker
+            video = GuidanceVideo(
+                folder / "guidance.mp4",
+                episode,
+                manipulator,
+                goal,
+                title=name,
+                truth=options.poses == "truth",
+            )
+            observers.append(stack.enter_context(video))
+        poses = _pose_source(options, episode)
+        flown = run_guidance(episode, manipulator, goal, poses, config, observers)
+    outcome = judge_run(seed, episode.world.target.category, flown, config)
+    flown.trace.write(folder / "trace.csv")
+    plot_velocities(flown.trace, folder / "velocities.png")
+    plot_errors(flown.trace, folder / "errors.png", config.servo.delta_R, config.servo.delta_T)
+    store(folder, outcome, _settings(options))
+    return outcome
+
+
+def _check(options: Options) -> None:
+    """Refuse what no run could use, before the first begins."""
+    from robust6dof.errors import InputError
+    from robust6dof.frames import CATEGORIES
+
+    if options.category not in ("any", *CATEGORIES):
+        names = ", ".join(CATEGORIES)
+        raise InputError(f"no category '{options.category}'; there is: any, {names}")
+    if not options.time_limit > 0 or options.latency_ms < 0:
+        raise InputError("--time-limit must be positive and --latency-ms at least 0")
+    if options.poses == "tracker":
+        _make_tracker(options.tracker, "mug")
+    _goal(options)
+
+
+def _goal(options: Options) -> Any:
+    from robust6dof.servo.goal import look_down_goal, read_goal
+
+    return read_goal(options.goal) if options.goal else look_down_goal(options.standoff)
+
+
+def _config(options: Options) -> GuidanceConfig:
+    from robust6dof.servo.config import PadServoConfig
+    from robust6dof.simulation.guidance import GuidanceConfig
+
+    return GuidanceConfig(PadServoConfig(law=options.law), time_limit=options.time_limit)
+
+
+def _pose_source(options: Options, episode: Episode) -> PoseSource:
+    from robust6dof.simulation.pose_source import TrackedPoses, TruePoses
+
+    target, latency = episode.world.target, 1e-3 * options.latency_ms
+    if options.poses == "truth":
+        return TruePoses(target.extents, latency)
+    tracker = _make_tracker(options.tracker, target.category)
+    return TrackedPoses(tracker, target.extents, latency, options.measured_delay)
+
+
+def _make_tracker(name: str, category: str) -> PoseTracker:
+    from robust6dof.errors import InputError
+
+    if name == "icp":
+        from robust6dof.baselines.icp import IcpTracker
+
+        return IcpTracker(category)
+    raise InputError(f"no tracker '{name}'; there is: icp")
+
+
+def _settings(options: Options) -> dict[str, Any]:
+    """All that decides a run's result, for campaign.json and to know a finished seed again."""
+    from robust6dof import __version__
+
+    keys = "scenario category law poses tracker standoff goal time_limit latency_ms measured_delay"
+    settings = {key: getattr(options, key) for key in keys.split()}
+    settings["same_category_clutter"] = options.same_category_clutter
+    settings["video"] = options.video
+    settings["goal"] = None if options.goal is None else _goal(options).tolist()
+    settings["tracker"] = options.tracker if options.poses == "tracker" else None
+    return settings | {"version": __version__}
+
+
+def _announce(options: Options, kept: int) -> None:
+    if options.poses == "tracker":
+        print(
+            f"poses: tracker '{options.tracker}', started with the true pose, size and mask of "
+            "the first frame (start hint: truth); it sees images only from then on"
+        )
+    else:
+        print("poses: simulation truth (no tracker)")
+    if kept:
+        print(f"{kept} finished runs of the same settings are kept")
+
+
+def _line(outcome: Outcome, count: int, total: int) -> str:
+    result = f"reached after {outcome.time_s:.1f} s" if outcome.reached else "not reached"
+    tracking = ""
+    if outcome.tracking_error_deg is not None and outcome.tracking_error_m is not None:
+        tracking = (
+            f"; pose error {outcome.tracking_error_deg:.1f} deg, "
+            f"{100.0 * outcome.tracking_error_m:.1f} cm"
+        )
+    return (
+        f"[{count}/{total}] seed {outcome.seed} ({outcome.category}): {result}; at the end "
+        f"{100.0 * outcome.final_translation_m:.1f} cm, {outcome.final_rotation_rad:.3f} rad"
+        f"{tracking}"
+    )
+
+
+def _report(options: Options, campaign: dict[str, Any]) -> None:
+    rate = campaign["success_rate"]
+    if rate is None:
+        return
+    time = campaign["median_time_s"]
+    when = "" if time is None else f", median time {time:.1f} s"
+    print(f"{campaign['runs']} runs, {100.0 * rate:.0f} % reached the goal{when}: {options.out}")
