@@ -1,0 +1,61 @@
+"""Measure speed: the network alone (parameters, time of each stage, distance to the floor)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro.conf
+
+from robust6dof.cli.options import CommonOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(CommonOptions):
+    what: Annotated[Literal["network"], tyro.conf.Positional]
+    """What to measure."""
+    preset: Literal["paper", "small", "tiny"] = "small"
+    """Which network."""
+    threads: int = 2
+    """Threads of torch on the CPU."""
+    repeats: int = 50
+    """Steps that are timed."""
+    json: Path | None = None
+    """Write the result here."""
+
+
+def run(options: Options) -> None:
+    import json
+    from dataclasses import asdict
+
+    import torch
+
+    from robust6dof.network.benchmark import benchmark_network
+    from robust6dof.network.config import preset
+
+    torch.set_num_threads(options.threads)
+    result = asdict(
+        benchmark_network(
+            preset(options.preset),
+            options.preset,
+            _device(options.device),
+            options.seed,
+            options.repeats,
+        )
+    )
+    text = json.dumps(result, indent=2)
+    print(text)
+    if options.json is not None:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(text + "\n")
+
+
+def _device(choice: str) -> str:
+    import torch
+
+    from robust6dof.errors import InputError
+
+    if choice == "cuda" and not torch.cuda.is_available():
+        raise InputError("no CUDA device here; use --device cpu")
+    return "cuda" if choice != "cpu" and torch.cuda.is_available() else "cpu"
