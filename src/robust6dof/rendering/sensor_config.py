@@ -47,9 +47,9 @@ class StereoSensorConfig:
     """Incidence angles at which dropouts begin and are complete. (90, 90): never."""
     edge_dropout: float = 0.1
     """Probability of a dropout along outlines."""
-    dark_dropout: float = 0.6
+    dark_dropout: float = 0.35
     """Probability of a dropout on black."""
-    dark_level: float = 35.0
+    dark_level: float = 25.0
     """Luminance (of 255) below which the projected pattern begins to fade."""
     shiny_dropout: float = 0.7
     """Probability of a dropout on saturated highlights (luminance above 250)."""
