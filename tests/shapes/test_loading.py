@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from robust6dof.errors import DataError
 from robust6dof.shapes.loading import load_mesh, load_object, load_objects
@@ -29,8 +31,8 @@ def color_at(mesh, point: list[float]) -> np.ndarray:
 def textured_box(image: np.ndarray, uv_scale: float = 1.0) -> trimesh.Trimesh:
     """A square in the x–y plane, u along x and v along y."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float) * 0.2
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.fromarray(image))
-    visual = trimesh.visual.TextureVisuals(uv=vertices[:, :2] / 0.2 * uv_scale, material=material)
+    material = PBRMaterial(baseColorTexture=Image.fromarray(image))
+    visual = TextureVisuals(uv=vertices[:, :2] / 0.2 * uv_scale, material=material)
     return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
 
 
@@ -51,7 +53,8 @@ def test_geometry_survives_each_format(tmp_path: Path, suffix: str) -> None:
 
 def test_face_colours_of_a_ply_reach_the_texture(tmp_path: Path) -> None:
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    box.visual.face_colors = np.where(box.triangles_center[:, :1] > 0.04, [RED], [BLUE])
+    colors = np.where(box.triangles_center[:, :1] > 0.04, [RED], [BLUE])
+    box.visual = ColorVisuals(box, face_colors=colors)
     box.export(tmp_path / "box.ply")
     mesh = load_mesh(tmp_path / "box.ply")
     np.testing.assert_array_equal(color_at(mesh, [0.05, 0, 0]), RED)
@@ -71,9 +74,7 @@ def test_texture_of_a_glb_lies_where_it_did(tmp_path: Path) -> None:
 def test_geometries_are_placed_and_keep_their_colours(tmp_path: Path) -> None:
     scene = trimesh.Scene()
     plain = trimesh.creation.box((0.1, 0.1, 0.1))
-    plain.visual = trimesh.visual.TextureVisuals(
-        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[0, 0, 255, 255])
-    )
+    plain.visual = TextureVisuals(material=PBRMaterial(baseColorFactor=[0, 0, 255, 255]))
     scene.add_geometry(plain, transform=trimesh.transformations.translation_matrix([1, 0, 0]))
     scene.add_geometry(textured_box(np.full((16, 16, 3), RED, np.uint8), uv_scale=2.0))
     scene.export(tmp_path / "two.glb")

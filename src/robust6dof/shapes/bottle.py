@@ -56,7 +56,9 @@ def _body(
 ) -> tuple[Float[np.ndarray, "N 2"], float]:
     """(radius, height) from the base's middle to the lip, and the lip's height."""
     lip = height * draw.uniform("lip_over_height", 0.86, 0.97)
-    shoulder = lip * draw.uniform("shoulder_over_lip", 0.45, 0.9)
+    # A wide neck is short: its shoulder sits high.
+    lowest = 0.42 + 0.45 * neck / radius
+    shoulder = lip * (lowest + (0.92 - lowest) * draw.uniform("shoulder_place", 0.0, 1.0))
     kind = draw.choice("shoulder", SHOULDERS)
     rise = {"round": 1.1, "cone": 1.6, "slope": 3.0, "square": 0.35}[kind] * (radius - neck)
     neck_start = min(shoulder + max(rise, 0.004), lip - 0.006)

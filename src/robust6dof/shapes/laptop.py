@@ -40,7 +40,7 @@ def make_laptop(draw: Draw) -> ObjectModel:
         0.4 * lid_thick,
         (atlas["screen"], atlas["shell"], atlas["back"]),
     )
-    axis = np.array([-depth / 2 + 0.8 * lid_thick, thick / 2 + 0.15 * lid_thick, 0.0])
+    axis = np.array([-depth / 2 + max(0.8 * lid_thick, bevel), thick / 2 + 0.15 * lid_thick, 0.0])
     gap = draw.uniform("hinge_gap", 0.0, 0.006)
     middle = tilt @ np.array([-0.25 * lid_thick, tall / 2 + gap, 0.0])
     hinges = _hinges(draw, width, lid_thick, gap, axis, atlas)
@@ -93,7 +93,7 @@ def _hinges(
     atlas: Atlas,
 ) -> list[Part]:
     """One wide barrel or two narrow ones about the hinge's axis."""
-    radius = max(0.6 * lid_thick, 0.6 * gap + 0.0025)
+    radius = max(0.6 * lid_thick, gap + 0.0015)
     long = draw.chance("one_hinge", 0.4)
     length = width * (draw.uniform("hinge_length", 0.4, 0.9) if long else 0.1)
     barrel = revolve(

@@ -48,10 +48,15 @@ def make_object(category: str, seed: int | np.random.Generator) -> ObjectModel:
             f"no procedural shapes for '{category}' (there are: {', '.join(MAKERS)}); "
             "give your own meshes of it with --meshes"
         )
-    rng = seed if isinstance(seed, np.random.Generator) else np.random.default_rng(seed)
+    rng = seed if isinstance(seed, np.random.Generator) else _generator(category, seed)
     made = MAKERS[category](Draw(rng))
     return (
         made
         if isinstance(seed, np.random.Generator)
         else replace(made, name=f"procedural_{category}_{seed}")
     )
+
+
+def _generator(category: str, seed: int) -> np.random.Generator:
+    """A stream of its own for each category, so that equal seeds do not give equal colours."""
+    return np.random.default_rng([list(MAKERS).index(category), seed])
