@@ -54,6 +54,9 @@ class PadServoConfig:
     """Singular value under which damping sets in."""
     joint_brake: float = 4.0
     """A joint may approach its limit at this rate times the angle left [1/s]."""
+    lead: float = 0.025
+    """`feedforward` law: the target's velocity is fed forward as it will be this much later [s],
+    to make up for commands that hold for a period and a vehicle that follows them late."""
     max_tilt_rate: float = 2.0
     """Measured tilt rates are clipped here before they are compensated [rad/s]."""
     limits: SafetyLimits = field(default_factory=SafetyLimits)

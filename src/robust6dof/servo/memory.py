@@ -13,11 +13,17 @@ from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.safety import SafetyLimits, ServoState
 from robust6dof.servo.target_motion import (
     TargetMotion,
+    carry_motion,
     correct_motion,
-    move_target,
     predict_motion,
     start_motion,
 )
+
+MIN_DEPTH = 0.02
+"""An object nearer than this along the optical axis [m] counts as not seen."""
+
+_JUMP_GAP_S = 0.2
+"""However long ago the last pose was, no more than this time's motion is taken on trust."""
 
 _KEEP_S = 0.6
 """How long the camera's own motion is remembered; more than any image's latency."""
@@ -70,19 +76,25 @@ class ServoMemory:
         return spans @ twists / spans.sum()
 
     def target_now(
-        self, symmetric: bool
+        self, config: PadServoConfig, *, symmetric: bool
     ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6"]]:
-        """The believed pose carried on to now over the image's latency, and the target's twist."""
-        twist = np.zeros(6) if self.motion is None else self.motion.twist
-        latency = max(self.now - self.stamp, 0.0)
+        """The believed pose carried on to now over the image's latency, and the target's twist.
+
+        The velocity is that of `config.lead` ahead, when the vehicle will have followed.
+        """
+        if self.motion is None:
+            return self.T_cam_obj, np.zeros(6)
         own = self.camera_twist(self.stamp, self.now)
-        T_now, twist = move_target(self.T_cam_obj, twist, own, latency)
+        seen = replace(self.motion, T_cam_obj=self.T_cam_obj)
+        latency = max(self.now - self.stamp, 0.0)
+        target = carry_motion(seen, own, latency, config.noise.maneuver_time)
+        twist = target.twist.copy()
+        twist[:3] += target.acceleration * config.lead
         if symmetric:  # its spin about its own axis is neither seen nor followed
-            y = T_now[:3, 1]
+            y = target.T_cam_obj[:3, 1]
             twist[3:] -= y * (y @ twist[3:])
-        if T_now[2, 3] <= 0:
-            T_now = self.T_cam_obj
-        return T_now, twist
+        in_view = target.T_cam_obj[2, 3] > MIN_DEPTH
+        return target.T_cam_obj if in_view else self.T_cam_obj, twist
 
 
 def admit(
@@ -108,7 +120,7 @@ def admit(
     T = _usable(T_cam_obj)
     if T is None or not np.isfinite(stamp):
         return memory, ServoState.HOLD_INVALID
-    if T[2, 3] <= 0.02:
+    if T[2, 3] <= MIN_DEPTH:
         return memory, ServoState.HOLD_LOST
     if stamp < memory.stamp - limits.stale_after:  # the clock was set back: begin anew
         return ServoMemory.blank(len(memory.command) - 4), ServoState.HOLD_STALE
@@ -136,6 +148,7 @@ def _usable(T_cam_obj: np.ndarray) -> Float[np.ndarray, "4 4"] | None:
 def _jumped(
     before: np.ndarray, T: np.ndarray, dt: float, limits: SafetyLimits, symmetric: bool
 ) -> bool:
+    dt = min(dt, _JUMP_GAP_S)
     distance = float(np.linalg.norm(T[:3, 3] - before[:3, 3]))
     compare = axis_error if symmetric else rotation_error
     angle = float(compare(before[:3, :3], T[:3, :3]))

@@ -172,7 +172,7 @@ class PadServo:
             case "coupled":
                 return coupled_law(self.robot, sight, self.config), still
             case "feedforward":
-                T_now, twist = self.memory.target_now(sight.symmetric)
+                T_now, twist = self.memory.target_now(self.config, symmetric=sight.symmetric)
                 sight = replace(sight, T_cam_obj=T_now)
                 R_body_cam = self.robot.T_body_cam(sight.joints)[:3, :3]
                 command = coupled_law(self.robot, sight, self.config, twist)

@@ -64,7 +64,7 @@ class SafetyLimits:
     """Below it the tracker counts as lost."""
     jump_distance: float = 0.12
     """A pose may be this far from the one before [m] …"""
-    jump_speed: float = 2.0
+    jump_speed: float = 1.5
     """… plus this much per second between the two [m/s]."""
     jump_angle: float = 0.5
     """A pose may be turned this much from the one before [rad] …"""

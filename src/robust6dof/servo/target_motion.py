@@ -1,21 +1,25 @@
-"""How fast the target moves over ground, from its poses in the camera and the camera's motion.
+"""How the target moves over ground, from its poses in the camera and the camera's own motion.
 
-A Kalman filter of constant velocity in camera axes. With the camera's own twist (v, ω) known,
-the object's centre p and velocity v_o (over ground, in camera axes) move as
+A Kalman filter in camera axes. With the camera's own twist (v, ω) known, the object's centre p,
+velocity v_o and acceleration a_o (over ground, in camera axes) move as
 
-    ṗ = v_o − v − ω × p,     v̇_o = −ω × v_o + white acceleration,
+    ṗ = v_o − v − ω × p,     v̇_o = a_o − ω × v_o,     ȧ_o = −a_o/τ − ω × a_o + white jerk
 
-and the rotation R_cam_obj and angular velocity ω_o likewise: Ṙ = [ω_o − ω]× R. Noise is the same
-along every axis and turning keeps it so: one 2×2 covariance serves the three axes of each.
+(Singer's model of a manoeuvring target, 1970), and the rotation R_cam_obj and angular velocity
+ω_o as Ṙ = [ω_o − ω]× R, ω̇_o = −ω × ω_o + white angular acceleration. Noise is the same along
+every axis and turning keeps it so: one covariance serves the three axes of each.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
+
+from robust6dof.geometry.transforms import make_transform
+from robust6dof.servo.interaction import nearest_symmetric_turn
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,10 @@ class TargetMotionNoise:
     rotation: float = 0.03
     """Of a measured rotation about any axis [rad]."""
     acceleration: float = 0.3
-    """Of the target's acceleration, density [m/s² per √Hz]."""
-    angular_acceleration: float = 0.3
+    """Of the target's acceleration [m/s²]."""
+    maneuver_time: float = 1.0
+    """τ: how long an acceleration typically lasts [s]."""
+    angular_acceleration: float = 0.1
     """Of the target's angular acceleration, density [rad/s² per √Hz]."""
     own_speed: float = 0.03
     """Of the camera's own linear velocity as told [m/s]."""
@@ -48,8 +54,10 @@ class TargetMotion:
     """Filtered pose."""
     twist: Float[np.ndarray, "6"]
     """(v_o, ω_o) over ground in camera axes [m/s, rad/s]."""
-    linear_covariance: Float[np.ndarray, "2 2"]
-    """Of (position, velocity) along any axis."""
+    acceleration: Float[np.ndarray, "3"]
+    """a_o over ground in camera axes [m/s²]."""
+    linear_covariance: Float[np.ndarray, "3 3"]
+    """Of (position, velocity, acceleration) along any axis."""
     angular_covariance: Float[np.ndarray, "2 2"]
     """Of (angle, angular velocity) about any axis."""
 
@@ -59,8 +67,26 @@ def start_motion(T_cam_obj: Float[np.ndarray, "4 4"], noise: TargetMotionNoise) 
     return TargetMotion(
         T_cam_obj,
         np.zeros(6),
-        np.diag([noise.position**2, noise.first_speed**2]),
-        np.diag([noise.rotation**2, noise.first_turn**2]),
+        np.zeros(3),
+        np.diag([noise.position, noise.first_speed, noise.acceleration]) ** 2,
+        np.diag([noise.rotation, noise.first_turn]) ** 2,
+    )
+
+
+def carry_motion(
+    motion: TargetMotion, camera_twist: Float[np.ndarray, "6"], dt: float, maneuver_time: float
+) -> TargetMotion:
+    """The mean `dt` seconds on, in the camera's new axes; covariances as they are."""
+    back = Rotation.from_rotvec(-camera_twist[3:] * dt).as_matrix()  # R_new_old
+    v, omega, a = motion.twist[:3], motion.twist[3:], motion.acceleration
+    halfway = Rotation.from_rotvec(camera_twist[3:] * dt / 2).as_matrix()
+    t = motion.T_cam_obj[:3, 3] + (v - halfway @ camera_twist[:3]) * dt + a * dt**2 / 2
+    spin = Rotation.from_rotvec(omega * dt).as_matrix()
+    return replace(
+        motion,
+        T_cam_obj=make_transform(back @ spin @ motion.T_cam_obj[:3, :3], back @ t),
+        twist=np.concatenate([back @ (v + a * dt), back @ omega]),
+        acceleration=back @ a * np.exp(-dt / maneuver_time),
     )
 
 
@@ -68,12 +94,14 @@ def predict_motion(
     motion: TargetMotion, camera_twist: Float[np.ndarray, "6"], dt: float, noise: TargetMotionNoise
 ) -> TargetMotion:
     """Carry the estimate `dt` seconds on while the camera moves with `camera_twist` (own axes)."""
-    T, twist = move_target(motion.T_cam_obj, motion.twist, camera_twist, dt)
-    return TargetMotion(
-        T,
-        twist,
-        _grow(motion.linear_covariance, dt, noise.acceleration, noise.own_speed),
-        _grow(motion.angular_covariance, dt, noise.angular_acceleration, noise.own_turn),
+    carried = carry_motion(motion, camera_twist, dt, noise.maneuver_time)
+    decay = np.exp(-dt / noise.maneuver_time)
+    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, decay]])
+    G = np.array([[1.0, dt], [0.0, 1.0]])
+    return replace(
+        carried,
+        linear_covariance=F @ motion.linear_covariance @ F.T + _linear_growth(dt, noise),
+        angular_covariance=G @ motion.angular_covariance @ G.T + _angular_growth(dt, noise),
     )
 
 
@@ -88,57 +116,46 @@ def correct_motion(
     gain_p, linear_covariance = _correct(motion.linear_covariance, noise.position)
     gain_r, angular_covariance = _correct(motion.angular_covariance, noise.rotation)
     off = T_cam_obj[:3, 3] - motion.T_cam_obj[:3, 3]
-    R = motion.T_cam_obj[:3, :3]
-    turn = Rotation.from_matrix(T_cam_obj[:3, :3] @ R.T).as_rotvec()
+    R, R_seen = motion.T_cam_obj[:3, :3], T_cam_obj[:3, :3]
     if symmetric:
-        # The shortest turn between the two axes of symmetry.
-        turn = _turn_between(R[:, 1], T_cam_obj[:3, 1])
-    T = np.eye(4)
-    T[:3, 3] = motion.T_cam_obj[:3, 3] + gain_p[0] * off
-    T[:3, :3] = Rotation.from_rotvec(gain_r[0] * turn).as_matrix() @ R
-    twist = motion.twist + np.concatenate([gain_p[1] * off, gain_r[1] * turn])
-    return TargetMotion(T, twist, linear_covariance, angular_covariance)
+        R_seen = R_seen @ nearest_symmetric_turn(R_seen, R)
+    turn = Rotation.from_matrix(R_seen @ R.T).as_rotvec()
+    return TargetMotion(
+        make_transform(
+            Rotation.from_rotvec(gain_r[0] * turn).as_matrix() @ R,
+            motion.T_cam_obj[:3, 3] + gain_p[0] * off,
+        ),
+        motion.twist + np.concatenate([gain_p[1] * off, gain_r[1] * turn]),
+        motion.acceleration + gain_p[2] * off,
+        linear_covariance,
+        angular_covariance,
+    )
 
 
-def move_target(
-    T_cam_obj: Float[np.ndarray, "4 4"],
-    target_twist: Float[np.ndarray, "6"],
-    camera_twist: Float[np.ndarray, "6"],
-    dt: float,
-) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6"]]:
-    """The object's pose and twist after `dt` [s], both twists held over ground.
-
-    Returns:
-        T_cam_obj and target_twist, in the camera's new axes.
-    """
-    back = Rotation.from_rotvec(-camera_twist[3:] * dt).as_matrix()  # R_new_old
-    T = np.eye(4)
-    T[:3, 3] = back @ (T_cam_obj[:3, 3] + (target_twist[:3] - camera_twist[:3]) * dt)
-    spin = Rotation.from_rotvec(target_twist[3:] * dt).as_matrix()
-    T[:3, :3] = back @ spin @ T_cam_obj[:3, :3]
-    return T, np.concatenate([back @ target_twist[:3], back @ target_twist[3:]])
+def _linear_growth(dt: float, noise: TargetMotionNoise) -> Float[np.ndarray, "3 3"]:
+    """White jerk that keeps the acceleration at its standard deviation, and own speed's error."""
+    q = 2 * noise.acceleration**2 / noise.maneuver_time
+    Q = q * np.array(
+        [
+            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+            [dt**3 / 6, dt**2 / 2, dt],
+        ]
+    )
+    Q[0, 0] += (noise.own_speed * dt) ** 2
+    return Q
 
 
-def _grow(
-    covariance: Float[np.ndarray, "2 2"], dt: float, acceleration: float, own: float
-) -> Float[np.ndarray, "2 2"]:
-    F = np.array([[1.0, dt], [0.0, 1.0]])
-    Q = acceleration**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    Q[0, 0] += (own * dt) ** 2
-    return F @ covariance @ F.T + Q
+def _angular_growth(dt: float, noise: TargetMotionNoise) -> Float[np.ndarray, "2 2"]:
+    Q = noise.angular_acceleration**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    Q[0, 0] += (noise.own_turn * dt) ** 2
+    return Q
 
 
 def _correct(
-    covariance: Float[np.ndarray, "2 2"], noise: float
-) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2 2"]]:
+    covariance: Float[np.ndarray, "n n"], noise: float
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n n"]]:
+    """Kalman's gain of a measurement of the first state, and what covariance it leaves."""
     gain = covariance[:, 0] / (covariance[0, 0] + noise**2)
     corrected = covariance - np.outer(gain, covariance[0])
     return gain, (corrected + corrected.T) / 2
-
-
-def _turn_between(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    cross = np.cross(a, b)
-    sine = float(np.linalg.norm(cross))
-    if sine < 1e-12:
-        return np.zeros(3)
-    return cross / sine * float(np.arctan2(sine, a @ b))
