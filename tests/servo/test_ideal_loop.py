@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from robust6dof.geometry.transforms import make_transform, rotation_about_y
-from robust6dof.robot.aerial_manipulator import AerialManipulator, default_aerial_manipulator
+from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
 from robust6dof.servo.goal import look_down_goal
-from robust6dof.servo.ideal_loop import IdealRun, Start, random_start, run_ideal, time_bound
+from robust6dof.servo.ideal_loop import (
+    IdealRun,
+    Start,
+    random_start,
+    run_ideal,
+    time_bound,
+    unlimited_joints,
+)
 from robust6dof.servo.interaction import extended_image_point
 from robust6dof.servo.pad_servo import PadServo, PadServoConfig
 from robust6dof.servo.safety import SafetyLimits
@@ -27,11 +32,6 @@ def _start(seed: int) -> Start:
 def _image_errors(run: IdealRun) -> np.ndarray:
     goal = extended_image_point(GOAL[:3, 3])
     return np.stack([extended_image_point(T[:3, 3]) - goal for T in run.T_cam_obj])
-
-
-def _unlimited_joints() -> AerialManipulator:
-    joints = tuple(replace(joint, lower=-10.0, upper=10.0) for joint in ROBOT.arm.joints)
-    return replace(ROBOT, arm=replace(ROBOT.arm, joints=joints))
 
 
 def _ratio_to_bound(run: IdealRun) -> float:
@@ -96,7 +96,7 @@ def test_coupled_law_converges_from_every_random_start(seed: int):
 
 def test_mended_printed_law_converges_slower_than_the_coupled_one():
     seed = 0
-    printed = PadServo(_unlimited_joints(), PadServoConfig(law="printed", rate_hz=10))
+    printed = PadServo(unlimited_joints(ROBOT), PadServoConfig(law="printed", rate_hz=10))
     slow = run_ideal(printed, _start(seed), GOAL, 60.0, stop_when_reached=True)
     coupled = PadServo(ROBOT, PadServoConfig(rate_hz=10))
     fast = run_ideal(coupled, _start(seed), GOAL, 60.0, stop_when_reached=True)
@@ -107,7 +107,7 @@ def test_mended_printed_law_converges_slower_than_the_coupled_one():
 def test_printed_rotation_error_does_not_reach_a_goal_above_an_upright_object():
     """ΔR = R(t)ᵀR* acts in the object's axes, turned from the camera's: it never settles."""
     config = PadServoConfig(law="printed", rotation_error="printed", rate_hz=10)
-    run = run_ideal(PadServo(_unlimited_joints(), config), _start(1), GOAL, 30.0)
+    run = run_ideal(PadServo(unlimited_joints(ROBOT), config), _start(1), GOAL, 30.0)
     assert run.commands[-1].state == "guiding"
     assert run.rotation_errors[-1] > 0.075
 

@@ -7,16 +7,17 @@ measured errors of such a loop are to follow their analytic exponentials.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from robust6dof.geometry.transforms import invert_transform, make_transform, rotation_about_y
-from robust6dof.robot.aerial_manipulator import AerialManipulator
+from robust6dof.robot.aerial_manipulator import AerialManipulator, default_aerial_manipulator
 from robust6dof.robot.reachability import UP_WORLD, reach_view
+from robust6dof.servo.goal import look_down_goal
 from robust6dof.servo.pad_servo import PadServo, PadServoConfig, ServoCommand
 
 R_WORLD_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -141,3 +142,56 @@ def _move_object(
 ) -> Float[np.ndarray, "4 4"]:
     R = Rotation.from_rotvec(turn * UP_WORLD).as_matrix()
     return make_transform(R @ T_world_obj[:3, :3], T_world_obj[:3, 3] + step)
+
+
+def ratios_to_bound(
+    servo: PadServo,
+    T_cam_obj_goal: Float[np.ndarray, "4 4"],
+    seeds: Iterable[int],
+    seconds: float = 40.0,
+) -> Float[np.ndarray, "R"]:
+    """Time to the thresholds over its bound, for each random start; infinite where not reached.
+
+    The starts are those of the default robot, whatever limits the servo's own has.
+    """
+    robot, config, ratios = default_aerial_manipulator(), servo.config, []
+    for seed in seeds:
+        start = random_start(robot, T_cam_obj_goal, np.random.default_rng(seed))
+        run = run_ideal(servo, start, T_cam_obj_goal, seconds, stop_when_reached=True)
+        bound = time_bound(run.translation_errors[0], run.rotation_errors[0], config)
+        ratios.append(run.time_to(config.delta_T, config.delta_R) / bound)
+    return np.array(ratios)
+
+
+def unlimited_joints(robot: AerialManipulator) -> AerialManipulator:
+    """The robot with joints that turn without end."""
+    joints = tuple(replace(joint, lower=-100.0, upper=100.0) for joint in robot.arm.joints)
+    return replace(robot, arm=replace(robot.arm, joints=joints))
+
+
+def main() -> None:
+    """Print how long every law takes over the bound, from the same 40 random starts."""
+    robot, goal = default_aerial_manipulator(), look_down_goal()
+    free = unlimited_joints(robot)
+    at_10_hz = PadServoConfig(rate_hz=10)
+    printed = replace(at_10_hz, law="printed")
+    rows: list[tuple[str, AerialManipulator, PadServoConfig]] = [
+        ("coupled", robot, at_10_hz),
+        ("feedforward", robot, replace(at_10_hz, law="feedforward")),
+        ("pbvs", robot, replace(at_10_hz, law="pbvs")),
+        ("ibvs", robot, replace(at_10_hz, law="ibvs")),
+        ("printed, mended rotation", robot, printed),
+        ("the same, no joint limits", free, printed),
+        ("the same, angular rows", free, replace(printed, rotation_rows="angular")),
+        ("printed, printed rotation", free, replace(printed, rotation_error="printed")),
+    ]
+    print(f"{'law':28}{'reached':>9}{'median':>8}{'worst':>8}")
+    for name, of, config in rows:
+        ratios = ratios_to_bound(PadServo(of, config), goal, range(40))
+        done = ratios[np.isfinite(ratios)]
+        figures = f"{np.median(done):8.2f}{done.max():8.2f}" if done.size else f"{'–':>8}{'–':>8}"
+        print(f"{name:28}{done.size:>6}/40{figures}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
