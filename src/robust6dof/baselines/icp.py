@@ -25,6 +25,7 @@ from robust6dof.baselines.surface_model import SurfaceModel
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import check_transform, invert_transform, transform_points
+from robust6dof.tracking.initialisation import InitialPose, find_initial_pose
 from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.support_plane import Plane, find_support_plane, least_squares_plane
@@ -123,17 +124,20 @@ class IcpTracker:
         T_cam_obj: Float[np.ndarray, "4 4"] | None = None,
         extents: Float[np.ndarray, "3"] | None = None,
     ) -> Track:
-        """Begin from a pose, a mask or a box; see `PoseTracker.start`."""
-        if T_cam_obj is None or extents is None:
-            raise InputError("the ICP starts from T_cam_obj and extents")
-        T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")
-        extents = np.asarray(extents, dtype=np.float64)
+        """Begin from a pose, a mask, a box, or by itself; see `find_initial_pose`."""
+        initial = find_initial_pose(
+            frame, self.category, mask=mask, box=box, T_cam_obj=T_cam_obj, extents=extents
+        )
+        return self._started(frame, initial)
+
+    def _started(self, frame: RgbdFrame, initial: InitialPose) -> Track:
+        T_cam_obj, extents = initial.T_cam_obj, initial.extents
         plane = find_support_plane(frame, T_cam_obj, extents, np.random.default_rng(self._seed))
         share = self.config.voxel_share * float(np.linalg.norm(extents))
         blank = SurfaceModel.empty(
             float(np.clip(share, *self.config.voxel_range_m)), self.config.max_model_points
         )
-        cut = self._cut(frame, T_cam_obj, extents, blank.voxel, plane, 0.02, mask)
+        cut = self._cut(frame, T_cam_obj, extents, blank.voxel, plane, 0.02, initial.mask)
         if cut is None or not len(cut.surface):
             raise InputError(
                 "no depth on the object in the first frame: check the start pose, the depth's "
