@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
-from robust6dof.geometry.transforms import axis_error, rotation_error
+from robust6dof.geometry.transforms import axis_error, invert_transform, rotation_error
 
-_CHUNK = 256
+_CHUNK = 64
 
 
 def rotation_err_deg(
@@ -50,19 +50,19 @@ def add_s(
     points: Float[np.ndarray, "P 3"],
     T_cam_obj: Float[np.ndarray, "N 4 4"],
     T_cam_obj_true: Float[np.ndarray, "N 4 4"],
-    workers: int = 1,
 ) -> Float[np.ndarray, "N"]:
     """ADD-S [m]: mean distance from a truly posed model point to the nearest predicted one.
 
     The distance is taken in the predicted object frame, where one KD-tree serves every frame.
     """
     tree = KDTree(points)
+    T_obj_true = invert_transform(T_cam_obj) @ T_cam_obj_true
+    homogeneous = np.c_[points, np.ones(len(points))]
     errors = np.empty(len(T_cam_obj))
-    R_cam_obj, t_cam_obj = T_cam_obj[:, :3, :3], T_cam_obj[:, :3, 3]
-    for i in range(len(errors)):
-        points_cam = points @ T_cam_obj_true[i, :3, :3].T + T_cam_obj_true[i, :3, 3]
-        points_pred = (points_cam - t_cam_obj[i]) @ R_cam_obj[i]
-        errors[i] = tree.query(points_pred, workers=workers)[0].mean()
+    for start in range(0, len(errors), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        points_obj = homogeneous @ np.swapaxes(T_obj_true[part, :3], -1, -2)
+        errors[part] = tree.query(points_obj, workers=-1)[0].mean(-1)
     return errors
 
 

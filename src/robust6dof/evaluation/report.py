@@ -34,22 +34,61 @@ def write_report(out: Path, scores: Sequence[Scores]) -> list[Path]:
 def markdown(scores: Sequence[Scores]) -> str:
     """The whole page: ours beside the published, per category, intervals, what to mind."""
     first = scores[0]
-    published = PUBLISHED.get(first.protocol, ())
-    keys = _columns(first)
     rows = [(f"**{one.tracker}**", one.mean, one.details.get("mean_is", "")) for one in scores]
     for one in scores:
         if "object_mean" in one.details:
-            text = "unweighted mean of the objects"
-            rows.append((f"**{one.tracker}**", one.details["object_mean"], text))
-    rows += [(line.method, line.figures, line.remark or "published") for line in published]
+            remark = "unweighted mean of the objects"
+            rows.append((f"**{one.tracker}**", one.details["object_mean"], remark))
+    for line in PUBLISHED.get(first.protocol, ()):
+        rows.append((line.method, line.figures, line.remark or "published"))
     iou = f", IoU `{first.iou}`" if first.iou else ""
     parts = [
         f"# {first.data or 'scores'}: protocol `{first.protocol}`{iou}\n",
-        _table(["method", *keys, "remark"], [_cells(*row, keys) for row in rows]),
+        _metric_table("method", first, rows),
         *(_sections(one) for one in scores),
         _notes([note for one in scores for note in one.notes], CAVEATS.get(first.protocol, ())),
     ]
     return "\n".join(part for part in parts if part)
+
+
+def _sections(scores: Scores) -> str:
+    parts = [f"## {scores.tracker}: per category\n"]
+    parts.append(_metric_table("category", scores, _plain_rows(scores.per_category)))
+    difficulties: dict[str, Row] = scores.details.get("per_difficulty", {})
+    if difficulties:
+        parts.append(f"## {scores.tracker}: per difficulty\n")
+        parts.append(_metric_table("difficulty", scores, _plain_rows(difficulties)))
+    interval: dict[str, Any] = scores.details.get("interval95", {})
+    if interval:
+        count = scores.details["sequences"]
+        parts.append(f"## {scores.tracker}: 95 % interval (bootstrap over {count} sequences)\n")
+        parts.append(_interval_table(scores, interval))
+    return "\n".join(parts)
+
+
+def _plain_rows(rows: dict[str, Row]) -> list[tuple[str, Row, str]]:
+    return [(name, row, "") for name, row in rows.items()]
+
+
+def _metric_table(head: str, scores: Scores, rows: list[tuple[str, Row, str]]) -> str:
+    """One line a row; the remarks make a last column where there are any."""
+    keys = _columns(scores)
+    remarks = any(remark for _, _, remark in rows)
+    heads = [head, *(_heading(key, scores.iou) for key in keys), *["remark"] * remarks]
+    lines = [
+        [name, *(_number(row.get(key, math.nan)) for key in keys), *[remark] * remarks]
+        for name, row, remark in rows
+    ]
+    return _table(heads, lines)
+
+
+def _interval_table(scores: Scores, interval: dict[str, Any]) -> str:
+    lines = [
+        [_heading(key, scores.iou), _number(scores.mean[key]), "{:.1f} – {:.1f}".format(*ends)]
+        for key, ends in interval.items()
+        if key in _columns(scores)
+    ]
+    return _table(["metric", "mean", "interval"], lines)
 
 
 def _columns(scores: Scores) -> list[str]:
@@ -57,32 +96,13 @@ def _columns(scores: Scores) -> list[str]:
     return [key for key in scores.mean if not key.endswith(f"_{scores.iou}")]
 
 
-def _sections(scores: Scores) -> str:
-    keys = _columns(scores)
-    named = [(name, row, "") for name, row in scores.per_category.items()]
-    parts = [f"## {scores.tracker}: per category\n", _rows_table("category", keys, named)]
-    difficulties: dict[str, Row] = scores.details.get("per_difficulty", {})
-    if difficulties:
-        named = [(name, row, "") for name, row in difficulties.items()]
-        parts += [f"## {scores.tracker}: per difficulty\n", _rows_table("difficulty", keys, named)]
-    interval: dict[str, Any] = scores.details.get("interval95", {})
-    if interval:
-        count = scores.details["sequences"]
-        parts.append(f"## {scores.tracker}: 95 % interval (bootstrap over {count} sequences)\n")
-        rows = [
-            [k, _number(scores.mean[k]), f"{low:.1f} – {high:.1f}"]
-            for k, (low, high) in interval.items()
-        ]
-        parts.append(_table(["metric", "mean", "interval"], rows))
-    return "\n".join(parts)
-
-
-def _rows_table(head: str, keys: list[str], rows: list[tuple[str, Row, str]]) -> str:
-    return _table([head, *keys], [_cells(*row, keys)[:-1] for row in rows])
-
-
-def _cells(name: str, row: Row, remark: str, keys: list[str]) -> list[str]:
-    return [name, *(_number(row.get(key, math.nan)) for key in keys), remark]
+def _heading(key: str, iou: str | None) -> str:
+    """No IoU stands without its name."""
+    if "IoU" not in key:
+        return key
+    threshold, _, name = key.removeprefix("mean_").partition("_")
+    prefix = "mean " if key.startswith("mean_") else ""
+    return f"{prefix}{threshold} {name or iou}"
 
 
 def _number(value: float) -> str:

@@ -72,11 +72,13 @@ def _nocs_image(path: Path) -> Image:
 
 def _nocs_boxes(fields: dict[str, Any], side: str, visible: Any, score: Any) -> Boxes:
     class_ids = np.asarray(fields[f"{side}_class_ids"], int).ravel()
-    RTs = np.asarray(fields[f"{side}_RTs"], float).reshape(len(class_ids), 4, 4)
-    sizes = np.asarray(fields[f"{side}_scales"], float).reshape(len(class_ids), 3)
-    scale = np.cbrt(np.linalg.det(RTs[:, :3, :3]))
+    RTs = np.array(fields[f"{side}_RTs"], float).reshape(len(class_ids), 4, 4)
+    sizes = np.array(fields[f"{side}_scales"], float).reshape(len(class_ids), 3)
     # A failed fit is stored as zeros or NaN: it stays a false positive, of a box without volume.
-    failed = ~(np.isfinite(RTs).all(axis=(1, 2)) & (scale > 1e-9))
+    failed = ~np.isfinite(RTs).all(axis=(1, 2))
+    RTs[failed] = 0.0
+    scale = np.cbrt(np.linalg.det(RTs[:, :3, :3]))
+    failed |= scale < 1e-9
     RTs[failed], sizes[failed], scale[failed] = np.eye(4), 0.0, 1.0
     RTs[:, :3, :3] /= scale[:, None, None]
     return Boxes(

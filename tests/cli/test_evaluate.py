@@ -1,0 +1,77 @@
+"""`robust6dof evaluate` from the command line, on stored poses of both kinds."""
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from evaluation.small_recordings import make_standing, write_recording
+from robust6dof.cli import main
+from robust6dof.evaluation.predict import RunInfo, predict
+
+
+@pytest.fixture
+def run(tmp_path):
+    write_recording(tmp_path / "data" / "a")
+    write_recording(tmp_path / "data" / "b")
+    info = RunInfo("standing", "aerial", str(tmp_path / "data"), 0)
+    list(predict(make_standing, info, tmp_path / "run"))
+    return tmp_path / "run"
+
+
+def test_a_run_is_scored_on_the_data_it_was_made_on(run, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["evaluate", str(run), "--protocol", "aerial", "--out", str(out)]) == 0
+    fields = json.loads((out / "scores.json").read_text())
+    assert (fields["protocol"], fields["iou"], fields["tracker"]) == (
+        "aerial",
+        "obb_exact",
+        "standing",
+    )
+    assert fields["details"]["frames"] == 2 * 2 * 4
+    assert fields["per_category"].keys() == {"can", "mug"}
+    assert fields["details"]["interval95"]["5deg5cm"][0] is not None
+    assert "| **standing** |" in capsys.readouterr().out
+    assert (out / "table.md").is_file()
+    assert (out / "curves.png").is_file()
+
+
+def test_another_protocol_says_how_the_run_was_started(run, tmp_path):
+    out = tmp_path / "out"
+    assert main(["evaluate", str(run), "--protocol", "captra", "--out", str(out)]) == 0
+    fields = json.loads((out / "scores.json").read_text())
+    assert fields["tracker"] == "standing (started as aerial)"
+
+
+def test_exported_poses_score_as_the_run(run, tmp_path):
+    args = ["--protocol", "6pack", "--out"]
+    assert main(["evaluate", str(run), *args, str(tmp_path / "x"), "--export", "6pack"]) == 0
+    (export,) = (tmp_path / "x" / "export").iterdir()
+    data = ["--data", str(tmp_path / "data")]
+    assert main(["evaluate", str(export), *args, str(tmp_path / "y"), *data]) == 0
+    first, second = (json.loads((tmp_path / n / "scores.json").read_text()) for n in "xy")
+    assert first["mean"] == pytest.approx(second["mean"], rel=1e-5)
+
+
+def test_a_pose_pack_finds_the_models_beside_it(tmp_path):
+    pack = tmp_path / "poses.zip"
+    with zipfile.ZipFile(pack, "w") as file:
+        file.writestr("poses/ground_truth/0048_025_mug.txt", "1 0 0 0 0 0 1\n" * 3)
+        file.writestr("poses/mine/0048_025_mug.txt", "1 0 0 0 0 0 1\n" * 2 + "0 0 0 0 0 0 0\n")
+    models = tmp_path / "models_points"
+    models.mkdir()
+    np.savetxt(models / "025_mug.xyz", np.random.default_rng(0).uniform(-0.05, 0.05, (20, 3)))
+    out = tmp_path / "out"
+    args = ["evaluate", str(pack), "--protocol", "ycbv-auc", "--out", str(out)]
+    assert main([*args, "--method", "mine"]) == 0
+    fields = json.loads((out / "scores.json").read_text())
+    assert fields["mean"]["ADD_auc"] == pytest.approx(200 / 3)
+    assert fields["tracker"] == "mine"
+    assert fields["iou"] is None
+
+
+def test_mistakes_are_told_in_one_line(tmp_path, capsys):
+    args = ["--protocol", "aerial", "--out", str(tmp_path / "out")]
+    assert main(["evaluate", str(tmp_path / "nowhere"), *args]) == 1
+    assert capsys.readouterr().err.endswith("does not exist\n")
