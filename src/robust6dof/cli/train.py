@@ -31,6 +31,12 @@ class Options(CommonOptions):
     """Threads of the network's own arithmetic; all cores by default."""
     minutes: float | None = None
     """Stop after this time; run again to go on."""
+    epoch: int = 8000
+    """Distinct pairs; seen again with other points after that."""
+    points: int | None = None
+    """Observed and prior points while training, instead of the preset's; fewer train faster."""
+    keypoints: int | None = None
+    """Keypoints while training, instead of the preset's."""
     held_out: int = 192
     """Pairs of other shapes, for validation."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -48,26 +54,39 @@ def run(options: Options) -> None:
     from robust6dof.network.config import preset
     from robust6dof.tracking.view import ViewConfig
     from robust6dof.training.loop import TrainConfig, train
-    from robust6dof.training.pairs import PairConfig, SyntheticPairs
+    from robust6dof.training.pairs import PairConfig, RepeatedPairs, SyntheticPairs
     from robust6dof.training.recipe import recipe_named
 
     if options.threads:
         torch.set_num_threads(options.threads)
     init = load_network(options.init) if options.init else None
-    network = init.config if init else preset(options.preset)
+    network = preset(options.preset)
     given = {"steps": options.steps, "batch": options.batch}
     recipe = replace(
         recipe_named(options.recipe), **{k: v for k, v in given.items() if v is not None}
     )
-    view = ViewConfig(points=network.points, crop_px=network.crop_px)
-    pairs = SyntheticPairs(view, network.prior_points, options.seed, recipe.steps * recipe.batch)
-    others = PairConfig(first_object=1_000_000)
-    held_out = SyntheticPairs(
-        view, network.prior_points, options.seed + 1, options.held_out, others
+    points, prior_points = options.points or network.points, options.points or network.prior_points
+    trained = replace(
+        network,
+        points=points,
+        prior_points=prior_points,
+        keypoints=options.keypoints or network.keypoints,
     )
+    count = recipe.steps * recipe.batch
+    rich = ViewConfig(points=2 * points, crop_px=network.crop_px)
+    pairs = RepeatedPairs(
+        SyntheticPairs(rich, 2 * prior_points, options.seed, options.epoch),
+        options.epoch,
+        points,
+        prior_points,
+        count,
+    )
+    view = ViewConfig(points=points, crop_px=network.crop_px)
+    others = PairConfig(first_object=1_000_000)
+    held_out = SyntheticPairs(view, prior_points, options.seed + 1, options.held_out, others)
     end = time.monotonic() + 60 * options.minutes if options.minutes else float("inf")
     train(
-        TrainConfig(network, recipe, seed=options.seed, workers=options.workers),
+        TrainConfig(trained, recipe, seed=options.seed, workers=options.workers),
         pairs,
         held_out,
         options.out,

@@ -15,10 +15,9 @@ from robust6dof.geometry.transforms import invert_transform, make_transform
 from robust6dof.rendering.noise_fields import smooth_noise
 from robust6dof.rendering.rasteriser import render
 from robust6dof.rendering.scene import Camera, Light, MeshInstance, Rendering, Scene
-from robust6dof.shapes.draw import Draw
 from robust6dof.shapes.mesh import Material, ObjectModel, TexturedMesh
 from robust6dof.shapes.procedural import make_object
-from robust6dof.shapes.textures import pattern
+from robust6dof.shapes.textures import any_pattern
 
 TARGET_ID = 1
 _CLUTTER_POOL = 40
@@ -156,7 +155,7 @@ def _table(rng: np.random.Generator, floor: float) -> MeshInstance:
     half = 1.0
     corners = np.array([[-half, 0, -half], [-half, 0, half], [half, 0, half], [half, 0, -half]])
     uv = corners[:, [0, 2]] / rng.uniform(0.2, 1.0)
-    texture = pattern(Draw(rng), "table", 96, 96)
+    texture = any_pattern(rng, 96, 96)
     material = Material(float(rng.uniform(0, 0.3)), 20.0)
     mesh = TexturedMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), uv, texture, material)
     place = np.array([rng.uniform(-0.6, 0.6), floor, rng.uniform(-0.6, 0.6)])

@@ -39,9 +39,11 @@ class LossWeights:
     """Likelihood of the keypoints' expected errors."""
     anchor: float = 5.0
     """Canonical coordinates against the true ones."""
+    correspondence: float = 2.0
+    """Soft places on the prior, S̄_pr P_r, against the true canonical coordinates."""
     anchor_error: float = 0.05
     """Likelihood of the coordinates' expected errors."""
-    anchor_fit: float = 1.0
+    anchor_fit: float = 0.3
     """Absolute rotation, centre and scale fitted to the coordinates."""
     foreground: float = 0.3
     """Points on the object or not."""
@@ -141,6 +143,7 @@ def _anchor_losses(
 ) -> dict[str, Tensor]:
     on_object = target.on_object.to(view.canonical.dtype)
     distance = safe_norm(view.canonical - target.canonical)
+    distance_place = safe_norm(view.correspondence - target.canonical)
     likelihood = expected_error_loss(distance, view.log_error)
     weight = view.point_weight * on_object + 1e-6
     R_fit, t_fit, scale_fit = fit_similarity_torch(view.canonical, view.points, weight)
@@ -154,6 +157,7 @@ def _anchor_losses(
     )
     return {
         "anchor": masked_mean(distance, on_object),
+        "correspondence": masked_mean(distance_place, on_object),
         "anchor_error": masked_mean(likelihood, on_object),
         "anchor_fit": (fit * target.on_object.any(1)).mean(),
     }

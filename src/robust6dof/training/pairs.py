@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
@@ -172,6 +172,69 @@ class SyntheticPairs(Dataset[PairBatch]):
             on_object_cur=torch.from_numpy(current.on_object)[None],
         )
         return PairBatch(previous.view.batch, current.view.batch, _tensor(prior[chosen]), truth)
+
+
+class RepeatedPairs(Dataset[PairBatch]):
+    """An epoch of pairs seen again and again, each time with other points and other colours.
+
+    Rendering costs as much as a step of a small network; the pairs of an epoch are kept. What
+    number `index` gives depends on it and the seed alone.
+
+    Args:
+        pairs: the pairs, with more points than are to be given.
+        epoch: how many of them.
+        points: N, drawn anew each time.
+        prior_points: N_r, likewise.
+        count: length of this data set.
+    """
+
+    def __init__(
+        self, pairs: SyntheticPairs, epoch: int, points: int, prior_points: int, count: int
+    ) -> None:
+        self.pairs = pairs
+        self.epoch = epoch
+        self.points = points
+        self.prior_points = prior_points
+        self.count = count
+        self._kept: dict[int, PairBatch] = {}
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: int) -> PairBatch:
+        """Pair `index` modulo the epoch, drawn anew."""
+        number = index % self.epoch
+        if number not in self._kept:
+            self._kept[number] = self.pairs[number]
+        pair = self._kept[number]
+        rng = np.random.default_rng([self.pairs.seed, index, 1])
+        rows_prev, rows_cur = (
+            torch.from_numpy(rng.permutation(pair.previous.points.shape[1])[: self.points])
+            for _ in range(2)
+        )
+        rows_prior = torch.from_numpy(rng.permutation(pair.prior.shape[1])[: self.prior_points])
+        truth = replace(
+            pair.truth,
+            on_object_prev=pair.truth.on_object_prev[:, rows_prev],
+            on_object_cur=pair.truth.on_object_cur[:, rows_cur],
+        )
+        return PairBatch(
+            _redrawn(pair.previous, rows_prev, rng),
+            _redrawn(pair.current, rows_cur, rng),
+            pair.prior[:, rows_prior],
+            truth,
+        )
+
+
+def _redrawn(view: ViewBatch, rows: Tensor, rng: np.random.Generator) -> ViewBatch:
+    """The view with these points alone and another white balance."""
+    balance = _tensor(rng.uniform(0.8, 1.2, (3, 1, 1)))
+    return replace(
+        view,
+        points=view.points[:, rows],
+        pixels=view.pixels[:, rows],
+        rgb=(view.rgb * balance).clamp(0, 1),
+    )
 
 
 def collate(pairs: Sequence[PairBatch]) -> PairBatch:

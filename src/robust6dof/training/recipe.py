@@ -38,7 +38,9 @@ class Recipe:
 
 RECIPES: dict[str, Recipe] = {
     "paper": Recipe(),
-    "short": Recipe(batch=16, steps=6_000, schedule="cosine", clip=1.0, ema=0.998),
+    "short": Recipe(
+        learning_rate=1.5e-3, batch=16, steps=4_000, schedule="cosine", clip=1.0, ema=0.998
+    ),
 }
 """`paper`: Adam, 1e-3, batch 32. `short`: for a CPU; cosine, clipping and a running mean."""
 
