@@ -302,6 +302,17 @@ def test_nothing_in_view_gives_background() -> None:
     assert (render(Scene([]), small_camera()).rgb == 128).all()
 
 
+def test_a_crop_of_the_camera_is_the_crop_of_its_image() -> None:
+    scene, camera = _lit_ball(specular=0.5), Camera(K_VGA, 640, 480, np.eye(4))
+    whole = render(scene, camera)
+    K_crop = K_VGA.copy()
+    K_crop[:2, 2] -= [250, 180]  # the principal point is outside this image
+    crop = render(scene, Camera(K_crop, 64, 48, np.eye(4)))
+    np.testing.assert_array_equal(crop.ids, whole.ids[180:228, 250:314])
+    np.testing.assert_allclose(crop.depth, whole.depth[180:228, 250:314], atol=1e-6)
+    assert np.abs(crop.rgb.astype(int) - whole.rgb[180:228, 250:314]).max() <= 1
+
+
 def test_unusable_input_is_refused() -> None:
     vertices = np.array([[-1, -1, 1], [1, -1, 1], [0, 1, 1.0]])
     bad = Scene([MeshInstance(plain(vertices, [[0, 1, 3]]), np.eye(4), 1)])
@@ -310,3 +321,5 @@ def test_unusable_input_is_refused() -> None:
     unnumbered = Scene([MeshInstance(plain(vertices, [[0, 1, 2]]), np.eye(4), 0)])
     with pytest.raises(InputError, match="instance_id"):
         render(unnumbered, small_camera())
+    with pytest.raises(InputError, match="intrinsics"):
+        render(Scene([]), Camera(K_VGA.T.copy(), 640, 480, np.eye(4)))

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int32, UInt8
 
 from robust6dof.errors import InputError
-from robust6dof.geometry.camera import check_intrinsics
 from robust6dof.geometry.transforms import invert_transform
 from robust6dof.rendering import raster_kernels
 from robust6dof.rendering.prepared_mesh import PreparedMesh, prepare_mesh
@@ -70,7 +69,7 @@ def render_depth(
 
 
 def _cover(scene: Scene, camera: Camera) -> _Coverage:
-    K = check_intrinsics(camera.K, camera.width, camera.height)
+    K = _check_intrinsics(camera.K)
     coverage = _Coverage(
         _place(scene, camera, K),
         np.zeros((camera.height, camera.width)),
@@ -89,6 +88,16 @@ def _cover(scene: Scene, camera: Camera) -> _Coverage:
             coverage.triangles,
         )
     return coverage
+
+
+def _check_intrinsics(K: np.ndarray) -> Float64[np.ndarray, "3 3"]:
+    """Any pinhole, also a crop's, whose principal point lies far outside its image."""
+    K = np.array(K, dtype=np.float64)
+    if K.shape != (3, 3) or not np.isfinite(K).all() or not np.allclose(K[[1, 2, 2], [0, 0, 1]], 0):
+        raise InputError(f"intrinsics must read fx s cx / 0 fy cy / 0 0 1, got {K.tolist()}")
+    if K[0, 0] <= 0 or K[1, 1] <= 0 or not np.isclose(K[2, 2], 1):
+        raise InputError(f"intrinsics need positive focal lengths and K[2, 2] = 1: {K.tolist()}")
+    return K
 
 
 def _place(scene: Scene, camera: Camera, K: np.ndarray) -> list[_PlacedMesh]:
