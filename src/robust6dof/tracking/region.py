@@ -72,4 +72,4 @@ def depth_noise(z: np.ndarray | float) -> np.ndarray:
 
     The disparity model σ = z² δ / (f b), with δ / (f b) = 0.0025 / m as for a D435i or Kinect v1.
     """
-    return 0.0025 * np.square(np.asarray(z, dtype=np.float64))
+    return np.asarray(0.0025 * np.square(np.asarray(z, dtype=np.float64)))

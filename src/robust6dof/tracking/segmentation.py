@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -26,6 +26,7 @@ class Segment:
     """What it stands on, in the camera frame, where that is known."""
 
 
+@runtime_checkable
 class Segmenter(Protocol):
     """Finds objects in one frame."""
 

@@ -23,7 +23,7 @@ class Plane:
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [m] of points [..., 3] above the plane."""
-        return points @ self.normal + self.offset
+        return np.asarray(points @ self.normal + self.offset)
 
     def transformed(self, T_dst_src: Float[np.ndarray, "4 4"]) -> Plane:
         """The same plane in another frame."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -10,13 +11,15 @@ from jaxtyping import Bool, Float
 
 from robust6dof.errors import InputError
 from robust6dof.frames import SYMMETRIC_CATEGORIES, Box, RgbdFrame, Track, TrackState
-from robust6dof.geometry.transforms import check_transform
 from robust6dof.network.inputs import PriorFeatures, ViewFeatures
 from robust6dof.network.robust6dof_net import Robust6DofNet
+from robust6dof.shapes.priors import load_prior
 from robust6dof.tracking.confidence import ConfidenceModel
+from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.joint_pose import JointPose, JointPoseConfig, solve_joint_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion, seconds_between
+from robust6dof.tracking.pretrained import load_pretrained
 from robust6dof.tracking.states import StateCount, StateRules, next_state
 from robust6dof.tracking.view import ViewConfig, make_view
 
@@ -29,7 +32,7 @@ class TrackerConfig:
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
     states: StateRules = field(default_factory=StateRules)
     start_passes: int = 2
-    """Passes of the anchor over the first frame, each from the last one's result."""
+    """Passes of the anchor over a first frame whose pose was estimated."""
     scale_gain: float = 0.05
     """Share of the anchor's scale that enters the track's extents on each frame."""
     store_confidence: float = 0.7
@@ -78,6 +81,32 @@ class Tracker:
         self._seed = seed
         self._prior = _encode_prior(net, prior, seed)
 
+    @classmethod
+    def from_pretrained(
+        cls,
+        path: str | Path | None = None,
+        *,
+        category: str,
+        config: TrackerConfig | None = None,
+        device: str = "auto",
+        seed: int = 0,
+    ) -> Tracker:
+        """A tracker with the shipped weights, or with one's own.
+
+        Args:
+            path: weights that `robust6dof train` wrote; the shipped ones if not given.
+            category: one with a shipped prior.
+            config: how the network is used.
+            device: auto, cpu or cuda.
+            seed: see the class.
+
+        Raises:
+            DataError: unusable weights.
+            InputError: no prior for the category.
+        """
+        net = load_pretrained(path, device)
+        return cls(net, load_prior(category), category, config, seed=seed)
+
     def start(
         self,
         frame: RgbdFrame,
@@ -87,19 +116,22 @@ class Tracker:
         T_cam_obj: Float[np.ndarray, "4 4"] | None = None,
         extents: Float[np.ndarray, "3"] | None = None,
     ) -> Track:
-        """Begin from a pose; see `PoseTracker.start`."""
-        if T_cam_obj is None or extents is None:
-            raise InputError("the tracker starts from T_cam_obj and extents")
-        T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")
-        extents = np.asarray(extents, dtype=np.float64)
-        features, estimate = self._look(frame, T_cam_obj, extents, 0)
-        for number in range(1, self.config.start_passes):
+        """Begin from a pose, a mask, a box, or by itself; see `find_initial_pose`.
+
+        A given pose is kept; an estimated one is improved by the canonical anchor.
+        """
+        initial = find_initial_pose(
+            frame, self.category, mask=mask, box=box, T_cam_obj=T_cam_obj, extents=extents
+        )
+        passes = self.config.start_passes if T_cam_obj is None else 0
+        T_start, extents = initial.T_cam_obj, initial.extents
+        features, estimate = self._look(frame, T_start, extents, 0)
+        for number in range(1, passes + 1):
+            T_start = estimate.T_cam_obj
             extents = extents * estimate.anchor.scale / np.linalg.norm(extents)
-            features, estimate = self._look(frame, estimate.T_cam_obj, extents, number)
-        T_cam_obj = estimate.T_cam_obj
-        extents = extents * estimate.anchor.scale / np.linalg.norm(extents)
+            features, estimate = self._look(frame, T_start, extents, number)
         confidence = self.config.confidence(estimate)
-        first = Keyframe(features, T_cam_obj, confidence)
+        first = Keyframe(features, T_start, confidence)
         memory = TrackerMemory(
             prior=self._prior,
             last=first,
@@ -108,7 +140,7 @@ class Tracker:
             count=StateCount(),
         )
         return Track(
-            T_cam_obj=T_cam_obj,
+            T_cam_obj=T_start,
             extents=extents,
             confidence=confidence,
             state=TrackState.TRACKING,
