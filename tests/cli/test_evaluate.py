@@ -1,6 +1,8 @@
 """`robust6dof evaluate` from the command line, on stored poses of both kinds."""
 
 import json
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
@@ -75,3 +77,32 @@ def test_mistakes_are_told_in_one_line(tmp_path, capsys):
     args = ["--protocol", "aerial", "--out", str(tmp_path / "out")]
     assert main(["evaluate", str(tmp_path / "nowhere"), *args]) == 1
     assert capsys.readouterr().err.endswith("does not exist\n")
+
+
+def robust6dof(*args):
+    """The command in a process of its own, as users start it."""
+    command = [sys.executable, "-m", "robust6dof", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_predict_stores_a_run_that_evaluate_scores(tmp_path):
+    write_recording(tmp_path / "data" / "a")
+    common = ["--protocol", "aerial", "--out"]
+    predicted = robust6dof(
+        "predict", tmp_path / "data", *common, tmp_path / "run", "--tracker", "static"
+    )
+    assert predicted.returncode == 0, predicted.stderr
+    assert "a: done" in predicted.stdout
+    scored = robust6dof("evaluate", tmp_path / "run", *common, tmp_path / "out")
+    assert scored.returncode == 0, scored.stderr
+    fields = json.loads((tmp_path / "out" / "scores.json").read_text())
+    # The objects move 1 cm a frame and the tracker stands: noise and at most 4 cm.
+    assert 0 < fields["mean"]["T_err_cm"] < 15
+
+
+def test_an_unknown_tracker_lists_what_there_is(tmp_path):
+    write_recording(tmp_path / "a", frames=2)
+    args = ["--protocol", "aerial", "--out", tmp_path / "run", "--tracker", "nothing"]
+    result = robust6dof("predict", tmp_path / "a", *args)
+    assert result.returncode == 1
+    assert "no tracker 'nothing'; there is: icp" in result.stderr

@@ -122,7 +122,12 @@ def predict_sequence(
     out: Path,
     seed: int = 0,
 ) -> SequenceOutcome:
-    """Follow each object from the first frame that shows it to the end of the sequence."""
+    """Follow each object from the first frame that shows it to the end of the sequence.
+
+    Raises:
+        DataError: an unreadable frame.
+        InputError: there is no such tracker, or none for such a category.
+    """
     began = time.perf_counter()
     following: dict[str, Follower] = {}
     failed: dict[str, str] = {}
@@ -134,8 +139,9 @@ def predict_sequence(
             for truth in _showing(sequence.truth(index), following.keys() | failed.keys()):
                 key = zlib.crc32(f"{sequence.name}/{truth.name}".encode())
                 rng = np.random.default_rng([seed, key])
+                tracker = make_tracker(truth.category)
                 try:
-                    follower = Follower.start(make_tracker, protocol, frame, truth, rng)
+                    follower = Follower.start(tracker, protocol, frame, truth, rng)
                 except Robust6dofError as error:
                     failed[truth.name] = str(error)
                     continue
@@ -170,14 +176,13 @@ class Follower:
 
     @staticmethod
     def start(
-        make_tracker: MakeTracker,
+        tracker: Any,
         protocol: Protocol,
         frame: RgbdFrame,
         truth: ObjectTruth,
         rng: np.random.Generator,
     ) -> Follower:
         """Begin with the mask and the protocol's start; the truth goes no further than here."""
-        tracker = make_tracker(truth.category)
         T_cam_obj, extents = protocol.start(truth.T_cam_box, truth.extents, rng)
         began = time.perf_counter()
         track = tracker.start(frame, mask=truth.mask, T_cam_obj=T_cam_obj, extents=extents)
