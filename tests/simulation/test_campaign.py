@@ -23,6 +23,7 @@ GOOD = Outcome(
     tracking_error_m=0.004,
     time_ratio=1.1,
     tracker_ms=20.0,
+    lag_m=None,
     touched=False,
 )
 BAD = replace(GOOD, seed=2, reached=False, time_s=None, time_ratio=None)

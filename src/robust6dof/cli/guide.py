@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from robust6dof.cli.options import CommonOptions
 
 if TYPE_CHECKING:
-    from robust6dof.frames import PoseTracker
     from robust6dof.simulation.episode import Episode
     from robust6dof.simulation.guidance import GuidanceConfig
     from robust6dof.simulation.outcome import Outcome
@@ -127,6 +126,7 @@ def fly(options: Options, seed: int) -> Outcome:
 
 def _check(options: Options) -> None:
     """Refuse what no run could use, before the first begins."""
+    from robust6dof.baselines.registry import make_tracker
     from robust6dof.errors import InputError
     from robust6dof.frames import CATEGORIES
 
@@ -136,7 +136,7 @@ def _check(options: Options) -> None:
     if not options.time_limit > 0 or options.latency_ms < 0:
         raise InputError("--time-limit must be positive and --latency-ms at least 0")
     if options.poses == "tracker":
-        _make_tracker(options.tracker, "mug")
+        make_tracker(options.tracker, "mug")
     _goal(options)
 
 
@@ -154,23 +154,14 @@ def _config(options: Options) -> GuidanceConfig:
 
 
 def _pose_source(options: Options, episode: Episode) -> PoseSource:
+    from robust6dof.baselines.registry import make_tracker
     from robust6dof.simulation.pose_source import TrackedPoses, TruePoses
 
     target, latency = episode.world.target, 1e-3 * options.latency_ms
     if options.poses == "truth":
         return TruePoses(target.extents, latency)
-    tracker = _make_tracker(options.tracker, target.category)
+    tracker = make_tracker(options.tracker, target.category, seed=episode.seed)
     return TrackedPoses(tracker, target.extents, latency, options.measured_delay)
-
-
-def _make_tracker(name: str, category: str) -> PoseTracker:
-    from robust6dof.errors import InputError
-
-    if name == "icp":
-        from robust6dof.baselines.icp import IcpTracker
-
-        return IcpTracker(category)
-    raise InputError(f"no tracker '{name}'; there is: icp")
 
 
 def _settings(options: Options) -> dict[str, Any]:

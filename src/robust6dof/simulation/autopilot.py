@@ -21,7 +21,7 @@ class AutopilotConfig:
 
     velocity_gain: tuple[float, float, float] = (2.6, 2.6, 4.0)
     """Acceleration for each m/s of velocity error, world axes [1/s]."""
-    velocity_integral_gain: tuple[float, float, float] = (0.8, 0.8, 1.5)
+    velocity_integral_gain: tuple[float, float, float] = (1.2, 1.2, 1.5)
     """[1/s²]"""
     max_acceleration: float = 4.0
     """Of the velocity loop's demand, per axis [m/s²]."""

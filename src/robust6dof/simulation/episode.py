@@ -77,6 +77,8 @@ class World:
     room: tuple[TexturedMesh, ...]
     clutter: tuple[MeshInstance, ...]
     lighting: Lighting
+    half_width: float
+    """From the middle of the room to its walls [m]."""
     occluder: Occluder | None = None
 
     @property
@@ -88,7 +90,7 @@ class World:
     def surfaces(self) -> tuple[Surface, ...]:
         """What the vehicle can touch, beside the target."""
         still = () if self.support.moves else (self.support.surface,)
-        return (floor_surface(), *still)
+        return (floor_surface(self.half_width), *still)
 
     def T_world_obj(self, time: float) -> Float[np.ndarray, "4 4"]:
         """The target at `time` [s]."""
@@ -140,7 +142,15 @@ def draw_world(scenario: Scenario, options: EpisodeOptions, seed: int) -> World:
     others = _draw_clutter(scenario, options, target, T_world_obj, support.surface, rng)
     occluder = _draw_occluder(T_world_obj, rng) if scenario.occlusion else None
     return World(
-        target, T_world_obj, path, support, draw_room(rng), others, draw_lighting(rng), occluder
+        target,
+        T_world_obj,
+        path,
+        support,
+        draw_room(rng, scenario.half_width),
+        others,
+        draw_lighting(rng),
+        scenario.half_width,
+        occluder,
     )
 
 

@@ -18,7 +18,7 @@ class EstimatorNoise:
     """White, per sample [rad/s]: a consumer MEMS gyroscope at 250 Hz."""
     gyro_bias: float = 0.002
     """Constant through a run [rad/s]."""
-    attitude: float = np.deg2rad(0.25)
+    attitude: float = np.deg2rad(0.1)
     """Slowly varying, about each axis [rad]."""
     attitude_time: float = 8.0
     """Its correlation time [s]."""
@@ -75,7 +75,7 @@ class StateEstimator:
         """The estimate for a true state."""
         white = rng.standard_normal((2, 3))
         a, b, c = state.attitude_error
-        # A rotation to first order: the error is a quarter of a degree.
+        # A rotation to first order: the error is a tenth of a degree.
         R_error = np.array([[1.0, -c, b], [c, 1.0, -a], [-b, a, 1.0]])
         return VehicleEstimate(
             R_world_body=R_error @ R_world_body,

@@ -13,6 +13,9 @@ from robust6dof.simulation.guidance import GuidanceConfig, GuidanceRun
 from robust6dof.simulation.judge import Arrival, GoalError
 from robust6dof.simulation.trace import Trace
 
+_SETTLED = 20.0
+"""From then on a followed target's distance counts as lag [s]."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -39,6 +42,8 @@ class Outcome:
     """time_s over the time that pure exponential convergence takes from this start."""
     tracker_ms: float | None
     """Median computing time of the tracker."""
+    lag_m: float | None
+    """95th percentile of the true translation error after the first 20 s; None for shorter runs."""
     touched: bool
     """The vehicle ran into the table, the floor or the object."""
 
@@ -69,6 +74,7 @@ def judge_run(seed: int, category: str, run: GuidanceRun, config: GuidanceConfig
         tracking_error_m=_median(trace.column("tracking_error_m")),
         time_ratio=None if run.reached_at is None or bound <= 0 else run.reached_at / bound,
         tracker_ms=_median(trace.column("tracker_ms")),
+        lag_m=_lag(trace),
         touched=run.touched,
     )
 
@@ -96,6 +102,7 @@ def sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "median_time_ratio": _middle([outcome.time_ratio for outcome in successes]),
         "median_tracking_error_deg": _middle([o.tracking_error_deg for o in outcomes]),
         "median_tracking_error_m": _middle([o.tracking_error_m for o in outcomes]),
+        "median_lag_m": _middle([outcome.lag_m for outcome in outcomes]),
         "touched": sum(outcome.touched for outcome in outcomes),
         "failed_seeds": [outcome.seed for outcome in outcomes if not outcome.reached],
     }
@@ -109,6 +116,11 @@ def _arrival(trace: Trace, prefix: str, config: GuidanceConfig) -> Arrival:
         error = GoalError(np.array(place), np.array(turn))
         arrival = arrival.seen(float(row["time_s"]), error)
     return arrival
+
+
+def _lag(trace: Trace) -> float | None:
+    late = trace.column("true_translation_error_m")[trace.column("time_s") > _SETTLED]
+    return float(np.percentile(late, 95)) if len(late) >= 100 else None
 
 
 def _last(trace: Trace, name: str) -> float | None:

@@ -15,9 +15,6 @@ from robust6dof.simulation.model import Surface
 from robust6dof.simulation.primitives import box, cylinder, moved, placed, plain
 from robust6dof.simulation.surfaces import floor_texture, table_texture, wall_texture
 
-HALF_WIDTH = 3.6
-"""Of the room [m]."""
-
 _HEIGHT = 3.0
 _CART_TOP = 0.22
 
@@ -41,16 +38,16 @@ class Lighting:
     ambient: tuple[float, float, float]
 
 
-def draw_room(rng: np.random.Generator) -> tuple[TexturedMesh, ...]:
-    """Floor and walls, in world coordinates."""
-    wide = 2.0 * HALF_WIDTH
+def draw_room(rng: np.random.Generator, half_width: float) -> tuple[TexturedMesh, ...]:
+    """Floor and walls, in world coordinates; the walls are `half_width` [m] from the middle."""
+    wide = 2.0 * half_width
     floor = placed(box((wide, wide, 0.02), floor_texture(rng), tile=1.2), 0.0, 0.0, -0.01)
     paint = wall_texture(rng)
     walls = []
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         size = (0.02, wide, _HEIGHT) if x else (wide, 0.02, _HEIGHT)
         wall = box(size, paint, tile=1.5)
-        walls.append(placed(wall, x * HALF_WIDTH, y * HALF_WIDTH, _HEIGHT / 2.0))
+        walls.append(placed(wall, x * half_width, y * half_width, _HEIGHT / 2.0))
     return floor, *walls
 
 
@@ -101,9 +98,9 @@ def draw_lighting(rng: np.random.Generator) -> Lighting:
     return Lighting(tuple(lights), (level, level, level))
 
 
-def floor_surface() -> Surface:
+def floor_surface(half_width: float) -> Surface:
     """The floor, for contact and ground effect."""
-    return Surface((0.0, 0.0), (2.0 * HALF_WIDTH, 2.0 * HALF_WIDTH), 0.0, thickness=0.1)
+    return Surface((0.0, 0.0), (2.0 * half_width, 2.0 * half_width), 0.0, thickness=0.1)
 
 
 def _draw_gloss(rng: np.random.Generator) -> Material:

@@ -37,6 +37,8 @@ class Scenario:
     """Of the target [m/s]."""
     occlusion: bool = False
     """A board passes between camera and object."""
+    half_width: float = 3.6
+    """From the middle of the room to its walls [m]."""
     wind: WindConfig = field(default_factory=WindConfig)
     clutter: tuple[int, int] = (3, 6)
     """Fewest and most objects beside the target."""
@@ -54,11 +56,18 @@ SCENARIOS = {
             on_table=False,
             motion="mixed",
             speed=(0.1, 0.5),
+            half_width=36.0,
             clutter=(0, 0),
             stops_when_reached=False,
         ),
         Scenario("occlusion", occlusion=True),
-        Scenario("leave-and-return", on_table=False, motion="excursion", clutter=(0, 0)),
+        Scenario(
+            "leave-and-return",
+            on_table=False,
+            motion="excursion",
+            clutter=(0, 0),
+            stops_when_reached=False,
+        ),
         Scenario(
             "gust",
             wind=WindConfig(

@@ -23,7 +23,6 @@ from robust6dof.simulation.episode import (
     goal_camera,
 )
 from robust6dof.simulation.eye_in_hand import color_camera
-from robust6dof.simulation.room import HALF_WIDTH
 from robust6dof.simulation.scenario import Scenario, StartRange
 from robust6dof.simulation.vehicle import QuadrotorParameters
 from robust6dof.simulation.vehicle_look import VehicleLook
@@ -109,7 +108,7 @@ def _is_clear(candidate: _Candidate, world: World, manipulator: AerialManipulato
     T_world_links = candidate.T_world_body @ manipulator.T_body_links(candidate.joints)
     heights = [*T_world_links[:, 2, 3], candidate.T_world_cam[2, 3]]
     lowest = world.support.surface.top + world.target.extents[1] + _CLEARANCE
-    reach = HALF_WIDTH - 0.4 - _CLEARANCE
+    reach = world.half_width - 0.4 - _CLEARANCE
     inside = np.abs(candidate.T_world_body[:2, 3]).max() < reach
     return bool(min(heights) > lowest and inside)
 

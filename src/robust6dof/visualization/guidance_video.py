@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,7 +16,6 @@ from robust6dof.rendering.scene import Camera
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.simulation.episode import VEHICLE_ID, Episode
 from robust6dof.simulation.guidance import GuidanceStep
-from robust6dof.simulation.room import HALF_WIDTH
 from robust6dof.simulation.vehicle import QuadrotorParameters
 from robust6dof.simulation.vehicle_look import VehicleLook
 from robust6dof.visualization.overlay import GREEN, YELLOW, draw_box_and_axes, draw_label
@@ -110,17 +110,27 @@ class GuidanceVideo:
         state = step.state
         vehicle = self._look.instances(state.T_world_body, state.joints, VEHICLE_ID)
         scene = self._world.scene(state.time, *vehicle)
-        image = self._draw_trail(render(scene, self._bystander).rgb)
+        camera = self._bystander_at(state.time)
+        image = self._draw_trail(render(scene, camera).rgb, camera)
         image = draw_label(image, f"t = {state.time:5.2f} s   servo: {step.command.state.value}")
         cm, deg = 100.0 * step.error.distance, np.degrees(step.error.angle)
         return draw_label(image, f"true error {cm:5.1f} cm  {deg:5.1f} deg", 1)
 
-    def _draw_trail(self, image: UInt8[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "H W 3"]:
+    def _bystander_at(self, time: float) -> Camera:
+        """The bystander goes along with a target that moves."""
+        x, y, _ = self._world.path.displacement(time)
+        T_world_cam = self._bystander.T_world_cam.copy()
+        T_world_cam[:2, 3] += (x, y)
+        return replace(self._bystander, T_world_cam=T_world_cam)
+
+    def _draw_trail(
+        self, image: UInt8[np.ndarray, "H W 3"], camera: Camera
+    ) -> UInt8[np.ndarray, "H W 3"]:
         if len(self._trail) < 2:
             return image
-        T_cam_world = invert_transform(self._bystander.T_world_cam)
+        T_cam_world = invert_transform(camera.T_world_cam)
         points_cam = transform_points(T_cam_world, np.array(self._trail))
-        pixels = project(points_cam[points_cam[:, 2] > 0.1], self._bystander.K)
+        pixels = project(points_cam[points_cam[:, 2] > 0.1], camera.K)
         line = np.rint(np.clip(pixels, -2000, 4000)).astype(np.int32)
         return cv2.polylines(image.copy(), [line[:, None]], False, _TRAIL, 1, cv2.LINE_AA)
 
@@ -138,7 +148,7 @@ def bystander_camera(episode: Episode) -> Camera:
         side = -side
     away = max(1.7, 1.25 * float(np.linalg.norm(vehicle - thing)) + 0.5)
     eye = np.array([*(middle[:2] + away * side), middle[2] + 0.3 * away])
-    reach = HALF_WIDTH - 0.25
+    reach = episode.world.half_width - 0.25
     eye = np.clip(eye, [-reach, -reach, 0.5], [reach, reach, 2.8])
     width, height = _SIZE
     K = np.array(
