@@ -17,7 +17,7 @@ class Options(CommonOptions):
     """Where the points go (.npy, 2048 × 3, canonical axes, box centred at 0, diagonal 1)."""
     meshes: Path | None = None
     """Folder with CATEGORY/*.glb, .obj or .ply; without it, procedural objects."""
-    count: int = 32
+    count: int = 24
     """Procedural objects to use."""
     up: Literal["y", "z"] = "y"
     """Which axis of the meshes points up."""

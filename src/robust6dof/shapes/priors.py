@@ -36,9 +36,9 @@ class PriorConfig:
 
     template_points: int = 12_000
     """Points carried along; the prior is chosen from them."""
-    control_points: int = 600
+    control_points: int = 450
     """Centres of the non-rigid motion."""
-    instance_points: int = 1_000
+    instance_points: int = 800
     """Points of each instance that the template is registered to."""
     rounds: int = 2
     """Times the mean becomes the template."""

@@ -30,7 +30,7 @@ class DriftConfig:
     """Distance that perpendicular normals count for, over √2."""
     outliers: float = 0.1
     """Share of points without a counterpart."""
-    iterations: int = 30
+    iterations: int = 16
 
 
 @dataclass(frozen=True, eq=False)
