@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -101,6 +101,7 @@ class Track:
         return float(np.linalg.norm(self.extents))
 
 
+@runtime_checkable
 class PoseTracker(Protocol):
     """What every tracker here does: the network's, the baselines' and stored results."""
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 COMMANDS: dict[str, str] = {
     "demo": "the main job in one go: track an object and guide the aerial manipulator to it",
     "track": "follow an object through an RGB-D recording",
+    "synthesize": "make synthetic recordings with ground truth",
     "train": "train the tracker's network on the synthetic world",
     "bench": "measure speed: the network alone",
     "predict": "run a tracker over a data set and store its poses",

@@ -55,7 +55,7 @@ def run(options: Options) -> None:
 
 def _open(options: Options) -> Dataset:
     from robust6dof.data import open_dataset
-    from robust6dof.evaluation.truth_file import open_with_truth
+    from robust6dof.data.truth_file import open_with_truth
 
     if options.depth_only or options.models is not None:
         return open_dataset(options.path, options.depth_only, options.models)

@@ -65,7 +65,7 @@ def open_recordings(path: str | Path, depth_only: bool = False) -> Dataset:
 
     What each shows is told by YCBInEOAT's names of its videos, else it is `object_0` of category
     `unknown`, without a size. Several objects and sizes need `ground_truth.jsonl`
-    (`robust6dof.evaluation.truth_file`).
+    (`robust6dof.data.truth_file`).
 
     Raises:
         DataError: no recordings there, or one that `read_video` refuses.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robust6dof.data.dataset import Dataset
+from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError
 from robust6dof.evaluation.detections import Image
 from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
@@ -20,7 +21,6 @@ from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.result_formats import BopCsv, ObInCam, SixPackText, read_nocs_results
 from robust6dof.evaluation.run_records import make_records, read_run_info, records_of_run
 from robust6dof.evaluation.scores import Scores
-from robust6dof.evaluation.truth_file import open_with_truth
 
 FORMATS = ("run", "icg", "nocs", "6pack", "ob_in_cam", "bop")
 

@@ -25,9 +25,9 @@ import numpy as np
 
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
 from robust6dof.data.track_file import TrackWriter
+from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError, Robust6dofError
 from robust6dof.evaluation.protocols import Protocol, find_protocol
-from robust6dof.evaluation.truth_file import open_with_truth
 from robust6dof.frames import RgbdFrame, Track
 
 MIN_START_VISIBILITY = 0.1

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -33,15 +34,33 @@ class CloseUp:
     @staticmethod
     def draw(rng: np.random.Generator, target: ObjectModel) -> CloseUp:
         """A table under the object (mostly), up to four neighbours, one to three lights."""
-        instances = [MeshInstance(target.mesh, np.eye(4), TARGET_ID)]
-        floor = -target.extents[1] / 2
-        if rng.random() < 0.85:
-            instances.append(_table(rng, floor))
-            for number in range(int(rng.integers(0, 5))):
-                instances.append(_neighbour(rng, target, floor, TARGET_ID + 2 + number))
+        if rng.random() < 0.15:
+            return CloseUp._bare(rng, target)
+        return CloseUp.on_table(rng, target).with_neighbours(rng, int(rng.integers(0, 5)))
+
+    @staticmethod
+    def on_table(rng: np.random.Generator, target: ObjectModel) -> CloseUp:
+        """The object alone on a table."""
+        bare = CloseUp._bare(rng, target)
+        return bare._with(_table(rng, -target.extents[1] / 2))
+
+    def with_neighbours(
+        self, rng: np.random.Generator, count: int, categories: Sequence[str] = CATEGORIES
+    ) -> CloseUp:
+        """The same with `count` further objects standing about."""
+        scene = self
+        for _ in range(count):
+            scene = scene._with(_neighbour(rng, scene, categories))
+        return scene
+
+    @staticmethod
+    def _bare(rng: np.random.Generator, target: ObjectModel) -> CloseUp:
         red, green, blue = (int(c) for c in rng.integers(0, 256, 3))
-        scene = Scene(instances, _lights(rng), _ambient(rng), (red, green, blue))
-        return CloseUp(target, scene)
+        instances = [MeshInstance(target.mesh, np.eye(4), TARGET_ID)]
+        return CloseUp(target, Scene(instances, _lights(rng), _ambient(rng), (red, green, blue)))
+
+    def _with(self, instance: MeshInstance) -> CloseUp:
+        return replace(self, scene=replace(self.scene, instances=[*self.scene.instances, instance]))
 
     def with_occluder(
         self, rng: np.random.Generator, T_cam_obj: Float[np.ndarray, "4 4"]
@@ -55,14 +74,7 @@ class CloseUp:
         stretched = mesh.vertices * size * rng.uniform(0.3, 1.6, 3)
         R = Rotation.random(rng=rng).as_matrix()
         occluder = TexturedMesh(stretched, mesh.faces, mesh.uv, mesh.texture, mesh.material)
-        instance = MeshInstance(occluder, make_transform(R, place), 99)
-        scene = Scene(
-            [*self.scene.instances, instance],
-            self.scene.lights,
-            self.scene.ambient,
-            self.scene.background,
-        )
-        return CloseUp(self.target, scene)
+        return self._with(MeshInstance(occluder, make_transform(R, place), 99))
 
     def render(
         self, T_cam_obj: Float[np.ndarray, "4 4"], K: Float[np.ndarray, "3 3"], size_px: int
@@ -139,16 +151,24 @@ def pool_object(category: str, seed: int) -> ObjectModel:
     return make_object(category, seed)
 
 
-def _neighbour(
-    rng: np.random.Generator, target: ObjectModel, floor: float, instance_id: int
-) -> MeshInstance:
-    other = pool_object(CATEGORIES[rng.integers(6)], int(rng.integers(_CLUTTER_POOL)))
+def _neighbour(rng: np.random.Generator, scene: CloseUp, categories: Sequence[str]) -> MeshInstance:
+    """A thing on the table, at the place of a few tried that is farthest from the other things."""
+    target, taken = scene.target, [i.T_world_mesh[:3, 3] for i in scene.scene.instances[2:]]
+    category = categories[int(rng.integers(len(categories)))]
+    other = pool_object(category, int(rng.integers(_CLUTTER_POOL)))
     reach = (np.hypot(*target.extents[[0, 2]]) + np.hypot(*other.extents[[0, 2]])) / 2
-    azimuth, gap = rng.uniform(0, 2 * np.pi), rng.exponential(0.06)
-    place = (reach * rng.uniform(0.75, 1.0) + gap) * np.array([np.cos(azimuth), 0, np.sin(azimuth)])
-    place[1] = floor + other.extents[1] / 2
+    height = (other.extents[1] - target.extents[1]) / 2
+    places = [_place_about(rng, reach, height) for _ in range(6 if taken else 1)]
+    place = max(places, key=lambda p: min((np.linalg.norm(p - q) for q in taken), default=0.0))
     R = Rotation.from_euler("y", rng.uniform(0, 2 * np.pi)).as_matrix()
-    return MeshInstance(other.mesh, make_transform(R, place), instance_id)
+    number = TARGET_ID + len(scene.scene.instances)
+    return MeshInstance(other.mesh, make_transform(R, place), number)
+
+
+def _place_about(rng: np.random.Generator, reach: float, height: float) -> Float[np.ndarray, "3"]:
+    azimuth = rng.uniform(0, 2 * np.pi)
+    distance = reach * rng.uniform(0.75, 1.0) + rng.exponential(0.06)
+    return np.array([distance * np.cos(azimuth), height, distance * np.sin(azimuth)])
 
 
 def _table(rng: np.random.Generator, floor: float) -> MeshInstance:

@@ -1,0 +1,66 @@
+"""Make synthetic recordings with ground truth: aerial motion over tables with everyday objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from robust6dof.cli.options import CommonOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(CommonOptions):
+    world: Annotated[Literal["aerial"], tyro.conf.Positional]
+    """What to make."""
+    out: Path
+    """Folder of the recordings; whole ones that are there already are kept."""
+    sequences: int = 18
+    """How many; they go through categories and difficulties in turn."""
+    frames: int = 120
+    """In each recording, at 30 Hz."""
+    difficulty: tuple[Literal["calm", "agile", "harsh"], ...] = ("calm", "agile", "harsh")
+    """One or several."""
+    categories: tuple[str, ...] = ("bottle", "bowl", "camera", "can", "laptop", "mug")
+    """Of the targets."""
+    meshes: Path | None = None
+    """Folder with <category>/*.glb, .obj or .ply: targets from there, not procedural shapes."""
+    first: int = 0
+    """Number of the first recording to make, to share them out over machines."""
+    last: int | None = None
+    """Number of the last one to make."""
+    processes: int = 1
+    """Recordings made at the same time."""
+
+
+def run(options: Options) -> None:
+    """Make what is not there yet."""
+    from concurrent.futures import ProcessPoolExecutor
+    from functools import partial
+    from multiprocessing import get_context
+
+    from tqdm import tqdm
+
+    from robust6dof.synthetic.aerial import plan_aerial, synthesize
+
+    plans = plan_aerial(
+        options.seed,
+        options.sequences,
+        options.frames,
+        options.difficulty,
+        options.categories,
+        options.meshes,
+    )
+    last = len(plans) - 1 if options.last is None else options.last
+    mine = plans[options.first : last + 1]
+    options.out.mkdir(parents=True, exist_ok=True)
+    make = partial(synthesize, out=options.out)
+    if options.processes == 1:
+        for plan in tqdm(mine, desc="recordings"):
+            make(plan)
+    else:
+        with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
+            list(tqdm(pool.map(make, mine), total=len(mine), desc="recordings"))
+    print(f"{len(mine)} recordings: {options.out}")
