@@ -13,7 +13,7 @@ from robust6dof.shapes.loading import load_category
 from robust6dof.shapes.procedural import make_object
 from shared_data import shared_data
 
-SEEDS = 120
+SEEDS = 80
 
 
 def features(extents: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -38,7 +38,3 @@ class Draw:
     def chance(self, name: str, probability: float) -> bool:
         """True with this probability; kept as "yes" or "no"."""
         return self.choice(name, {"yes": probability, "no": 1 - probability}) == "yes"
-
-    def pick(self, options: Sequence[str]) -> str:
-        """One of equally likely options, not kept (textures draw too much to report)."""
-        return options[int(self.rng.integers(len(options)))]
