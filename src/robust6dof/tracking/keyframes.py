@@ -49,7 +49,9 @@ class KeyframeMemory:
         Over capacity, the one of the two closest keyframes with less confidence goes.
         """
         near = [i for i, k in enumerate(self.keyframes) if self._is_near(k, new)]
-        if any(self.keyframes[i].confidence >= new.confidence - 0.05 or i == 0 for i in near):
+        if self.capacity < 2 or any(
+            self.keyframes[i].confidence >= new.confidence - 0.05 or i == 0 for i in near
+        ):
             return self
         kept = [k for i, k in enumerate(self.keyframes) if i not in near] + [new]
         while len(kept) > self.capacity:

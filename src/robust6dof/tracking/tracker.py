@@ -159,7 +159,8 @@ class Tracker:
                 "no depth on the object in the first frame: check the start pose, the depth's "
                 "unit and that the object is in view"
             )
-        return features, self._solve(features, (), T_cam_obj, extents, number)
+        alone = replace(self.config.pose, anchor_weight=1.0)
+        return features, self._solve(features, (), T_cam_obj, extents, number, alone)
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
         """Follow the object to `frame`; never raises on a bad image."""
@@ -245,11 +246,19 @@ class Tracker:
         T_cam_pred: np.ndarray,
         extents: np.ndarray,
         number: int,
+        weights: JointPoseConfig | None = None,
     ) -> JointPose:
         rng = np.random.default_rng([self._seed, number, 1])
         scale = float(np.linalg.norm(extents))
         return solve_joint_pose(
-            self.net, features, past, T_cam_pred, scale, self._symmetric, self.config.pose, rng
+            self.net,
+            features,
+            past,
+            T_cam_pred,
+            scale,
+            self._symmetric,
+            weights or self.config.pose,
+            rng,
         )
 
 
