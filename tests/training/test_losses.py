@@ -226,7 +226,7 @@ def test_gradcheck_of_the_losses():
 def test_expected_error_is_least_at_the_true_error():
     distance = torch.full((1000,), 0.07)
     u = torch.linspace(-6, 1, 1000, requires_grad=True)
-    best = u[expected_error_loss(distance, u).argmin()]
+    best = u.detach()[expected_error_loss(distance, u).argmin()]
     assert float(best.exp()) == pytest.approx(0.07, rel=0.02)
     moved = torch.full((3,), 0.1, requires_grad=True)
     expected_error_loss(moved, torch.zeros(3, requires_grad=True)).sum().backward()
@@ -319,6 +319,7 @@ REACHES = {
     "matching": {"prior_encoder", "fusion", "augmentation", "triplane"},
     "keypoint_error": {"keypoint_head", "triplane", "fusion"},
     "anchor": {"prior_encoder", "fusion", "augmentation", "point_head"},
+    "correspondence": {"prior_encoder", "fusion"},
     "anchor_error": {"point_head", "fusion"},
     "anchor_fit": {"prior_encoder", "fusion", "augmentation", "point_head"},
     "foreground": {"point_head", "fusion", "augmentation"},
@@ -331,6 +332,7 @@ SPARES = {
     "matching": {"point_head", "keypoint_head"},
     "keypoint_error": {"point_head", "assignment"},
     "anchor": {"assignment", "triplane", "keypoint_head"},
+    "correspondence": {"assignment", "triplane", "point_head"},
     "anchor_error": {"assignment", "triplane", "keypoint_head"},
     "anchor_fit": {"assignment", "triplane", "keypoint_head"},
     "foreground": {"assignment", "triplane", "keypoint_head"},
@@ -423,16 +425,16 @@ def solved_error(output, truth):
 
 def test_one_pair_is_learnt_to_a_degree_and_two_millimetres():
     """What any change of the network must still be able to do, through the real solver."""
-    views, truth, _ = make_pair(batch=1, seed=11, degrees=10.0)
+    views, truth, _ = make_pair(batch=1, seed=11, degrees=25.0)
     torch.manual_seed(0)
     net, prior = Robust6DofNet(CONFIG), random_prior(CONFIG, 1)
     optimiser = torch.optim.Adam(net.parameters(), 3e-3)
     errors = []
-    for _ in range(400):
+    for _ in range(200):
         output = net(*views, prior)
         errors.append(solved_error(output, truth))
         # Well below, several times in a row: learnt, not passed by chance.
-        if all(angle < 0.7 and shift < 0.0015 for angle, shift in errors[-5:]) and len(errors) > 5:
+        if all(angle < 0.3 and shift < 0.0008 for angle, shift in errors[-5:]) and len(errors) > 5:
             break
         total, _ = pair_losses(output, truth, LossConfig())
         optimiser.zero_grad()
@@ -440,6 +442,6 @@ def test_one_pair_is_learnt_to_a_degree_and_two_millimetres():
         torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimiser.step()
         optimiser.param_groups[0]["lr"] *= 0.993
-    assert errors[0][0] > 2.0  # it did not know from the start
+    assert errors[0][0] > 1.5  # it did not know from the start
     assert errors[-1][0] < 1.0
     assert errors[-1][1] < 0.002

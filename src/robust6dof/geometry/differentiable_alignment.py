@@ -15,7 +15,7 @@ def fit_rigid_torch(
     src: Float[Tensor, "B P 3"],
     dst: Float[Tensor, "B P 3"],
     weight: Float[Tensor, "B P"],
-    gradient_eps: float = 1e-3,
+    gradient_eps: float = 0.02,
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
     """Differentiable `alignment.fit_rigid`: R_dst_src and t_dst_src.
 
@@ -31,7 +31,7 @@ def fit_similarity_torch(
     src: Float[Tensor, "B P 3"],
     dst: Float[Tensor, "B P 3"],
     weight: Float[Tensor, "B P"],
-    gradient_eps: float = 1e-3,
+    gradient_eps: float = 0.02,
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"], Float[Tensor, "B"]]:
     """Differentiable `alignment.fit_similarity`: R_dst_src, t_dst_src and the scale."""
     R, _, means, covariance = _fit_torch(src, dst, weight, gradient_eps)

@@ -35,7 +35,7 @@ class AssignmentHead(nn.Module):
         self.out_norm = nn.LayerNorm(width)
         if config.keypoint_source == "prior":
             self.query = nn.Linear(width, width)
-            self.log_beta = nn.Parameter(torch.tensor(4.0))
+            self.log_beta = nn.Parameter(torch.tensor(5.0))
         else:
             self.queries = nn.Parameter(torch.randn(config.keypoints, width))
 
@@ -127,17 +127,20 @@ def nearest_in_planes(
 class PointHead(nn.Module):
     """For each point: its canonical coordinate, the error to expect of it, on the object or not.
 
-    The coordinate is the soft place on the prior plus a residual that starts at zero.
+    The coordinate is the soft place on the prior plus a residual. The residual starts as the way
+    to the point's own place in the predicted frame: at first the prediction is taken as right.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.anchor = config.canonical_anchor
         self.hidden = nn.Linear(2 * config.width + 6, config.width)
+        self.skip = nn.Linear(6, 3, bias=False)
         self.out = nn.Linear(config.width, 5)
         nn.init.zeros_(self.out.weight)
         with torch.no_grad():
-            self.out.bias.copy_(torch.tensor([0.0, 0.0, 0.0, -2.0, 2.0]))
+            self.skip.weight.copy_(torch.cat([torch.eye(3), -torch.eye(3)], 1))
+            self.out.bias.copy_(torch.tensor([0.0, 0.0, 0.0, -2.0, 0.5]))
 
     def forward(
         self,
@@ -147,9 +150,11 @@ class PointHead(nn.Module):
         correspondence: Float[Tensor, "B N 3"],
     ) -> tuple[Float[Tensor, "B N 3"], Float[Tensor, "B N"], Float[Tensor, "B N"]]:
         """Canonical coordinate, log of its expected error, foreground logit."""
-        x = F.gelu(self.hidden(torch.cat([f_obj, f_aug, points, correspondence], -1)))
-        out = self.out(x)
-        canonical = correspondence + out[..., :3] if self.anchor else correspondence
+        places = torch.cat([points, correspondence], -1)
+        out = self.out(F.gelu(self.hidden(torch.cat([f_obj, f_aug, places], -1))))
+        canonical = correspondence
+        if self.anchor:
+            canonical = correspondence + self.skip(places) + out[..., :3]
         return canonical, out[..., 3].clamp(*_LOG_ERROR_RANGE), out[..., 4]
 
 
