@@ -16,8 +16,8 @@ def look_down_goal(standoff: float = 0.5, yaw: float = 0.0) -> Float[np.ndarray,
 
     Args:
         standoff: from the camera to the object's centre [m].
-        yaw: turn of the object about its y axis in the image [rad]; at 0 its x axis points right
-            in the image and its z axis down, so an observer at its front side (z) sees it upright.
+        yaw: turn of the object about its y axis [rad]; at 0 its x axis points right in the image
+            and its z axis down.
 
     Raises:
         InputError: a stand-off that is not positive.
