@@ -14,7 +14,7 @@ from robust6dof.cli import main
 from robust6dof.data import open_dataset, write_sequence
 from robust6dof.data.dataset import ObjectTruth
 from robust6dof.data.pose_check import pose_problem
-from robust6dof.evaluation.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
+from robust6dof.data.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import make_transform
 from shared_data import shared_data

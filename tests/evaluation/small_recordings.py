@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from robust6dof.data.sequence_writer import write_sequence
-from robust6dof.evaluation.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
+from robust6dof.data.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
 from robust6dof.frames import RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import make_transform
 

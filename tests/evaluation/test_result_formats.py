@@ -19,7 +19,7 @@ from robust6dof.evaluation.result_formats import (
     write_nocs_results,
 )
 from robust6dof.evaluation.run_records import make_records
-from robust6dof.evaluation.truth_file import open_with_truth
+from robust6dof.data.truth_file import open_with_truth
 
 
 @pytest.fixture
