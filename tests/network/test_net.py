@@ -134,6 +134,19 @@ def test_each_switch_changes_the_output(switch):
 
 
 @torch.no_grad()
+def test_the_pose_correction_is_one_affine_change_of_all_points():
+    view, prior = random_view(CONFIG), random_prior(CONFIG)
+    nets = [shared_weights(replace(CONFIG, pose_correction=value)) for value in (True, False)]
+    torch.nn.init.normal_(nets[0].point_head.correction.out.weight, std=0.1)
+    a, b = (net.encode(view, net.encode_prior(prior)).canonical for net in nets)
+    ones = torch.ones(2, CONFIG.points, 1)
+    homogeneous = torch.cat([view.points, ones], -1)
+    affine = torch.linalg.lstsq(homogeneous, a - b).solution
+    assert (a - b).abs().max() > 1e-2
+    torch.testing.assert_close(homogeneous @ affine, a - b, atol=1e-4, rtol=1e-3)
+
+
+@torch.no_grad()
 def test_the_anchor_switch_leaves_the_soft_place_on_the_prior():
     view, prior = random_view(CONFIG), random_prior(CONFIG)
     on, off = (shared_weights(replace(CONFIG, canonical_anchor=value)) for value in (True, False))

@@ -70,6 +70,9 @@ class NetworkConfig:
     """θ_c: least matching probability of a fine match."""
     canonical_anchor: bool = True
     """Predict a canonical coordinate for each point and keypoint: the absolute similarity."""
+    pose_correction: bool = False
+    """Within the anchor: one affine correction of the predicted frame for all points of a view,
+    from a pooled feature. The presets have it."""
 
     def __post_init__(self) -> None:
         if self.width % self.heads:
@@ -104,7 +107,7 @@ class NetworkConfig:
 
 
 PRESETS: dict[str, NetworkConfig] = {
-    "paper": NetworkConfig(),
+    "paper": NetworkConfig(pose_correction=True),
     "small": NetworkConfig(
         points=384,
         prior_points=384,
@@ -115,6 +118,7 @@ PRESETS: dict[str, NetworkConfig] = {
         plane_width=32,
         crop_px=96,
         pixel_widths=(16, 32, 48),
+        pose_correction=True,
     ),
     "tiny": NetworkConfig(
         points=48,
@@ -126,6 +130,7 @@ PRESETS: dict[str, NetworkConfig] = {
         plane_width=8,
         crop_px=24,
         pixel_widths=(8, 8),
+        pose_correction=True,
     ),
 }
 """`paper`: the paper's sizes. `small`: real time on two CPU cores. `tiny`: for tests."""

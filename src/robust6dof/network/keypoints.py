@@ -129,12 +129,17 @@ class PointHead(nn.Module):
 
     The coordinate is the soft place on the prior plus a residual. The residual starts as the way
     to the point's own place in the predicted frame: at first the prediction is taken as right.
+    Canonical coordinates of a rigid object are one similarity of its points; with
+    `pose_correction` a pooled feature says by how much the prediction is off, so that the layers
+    for single points need not multiply a rotation with a coordinate.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.anchor = config.canonical_anchor
+        self.anchor, self.corrects = config.canonical_anchor, config.pose_correction
         self.hidden = nn.Linear(2 * config.width + 6, config.width)
+        if config.pose_correction and config.canonical_anchor:
+            self.correction = PoseCorrection(config.width)
         self.skip = nn.Linear(6, 3, bias=False)
         self.out = nn.Linear(config.width, 5)
         nn.init.zeros_(self.out.weight)
@@ -155,7 +160,36 @@ class PointHead(nn.Module):
         canonical = correspondence
         if self.anchor:
             canonical = correspondence + self.skip(places) + out[..., :3]
+            if self.corrects:
+                canonical = canonical + self.correction(f_obj, f_aug, points, out[..., 4])
         return canonical, out[..., 3].clamp(*_LOG_ERROR_RANGE), out[..., 4]
+
+
+class PoseCorrection(nn.Module):
+    """An affine change of coordinates for a whole view: points · A + b, zero at first."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.local = nn.Linear(2 * width + 3, 2 * width)
+        self.hidden = nn.Linear(4 * width, 2 * width)
+        self.out = nn.Linear(2 * width, 12)
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+
+    def forward(
+        self,
+        f_obj: Float[Tensor, "B N D"],
+        f_aug: Float[Tensor, "B N D"],
+        points: Float[Tensor, "B N 3"],
+        foreground: Float[Tensor, "B N"],
+    ) -> Float[Tensor, "B N 3"]:
+        """The change of each point's coordinate; the feature is pooled over the object."""
+        x = F.gelu(self.local(torch.cat([f_obj, f_aug, points], -1)))
+        on_object = torch.sigmoid(foreground.detach())[..., None]
+        mean = (on_object * x).sum(1) / on_object.sum(1).clamp_min(1e-3)
+        pooled = torch.cat([mean, (on_object * x).amax(1)], -1)
+        A, b = self.out(F.gelu(self.hidden(pooled))).split([9, 3], -1)
+        return points @ A.unflatten(-1, (3, 3)) + b[:, None]
 
 
 class KeypointHead(nn.Module):
