@@ -15,11 +15,11 @@ from evaluation.small_recordings import (
     write_recording,
 )
 from robust6dof.data.track_file import read_tracks
+from robust6dof.data.truth_file import FILE_NAME, open_with_truth, read_truth_file
 from robust6dof.errors import DataError, InputError
 from robust6dof.evaluation.predict import RunInfo, predict, predict_sequence
 from robust6dof.evaluation.protocols import PROTOCOLS
 from robust6dof.evaluation.run_records import records_of_run
-from robust6dof.data.truth_file import FILE_NAME, open_with_truth, read_truth_file
 
 
 @pytest.fixture

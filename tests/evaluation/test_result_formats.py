@@ -7,6 +7,7 @@ import pytest
 
 from evaluation.pose_records import EXTENTS, TRUE_POSE, record
 from evaluation.small_recordings import true_pose, write_recording
+from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import DataError, InputError
 from robust6dof.evaluation.detections import images_from_records
 from robust6dof.evaluation.evaluate import read_stored, recognise_format, score_stored
@@ -19,7 +20,6 @@ from robust6dof.evaluation.result_formats import (
     write_nocs_results,
 )
 from robust6dof.evaluation.run_records import make_records
-from robust6dof.data.truth_file import open_with_truth
 
 
 @pytest.fixture
