@@ -8,16 +8,16 @@ crawl, and its Python interface has no robust kernel, no colour and no prior.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import small_gicp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from robust6dof.baselines.cloud import Cloud
 from robust6dof.baselines.registration_target import RegistrationTarget
-from robust6dof.geometry.transforms import make_transform, transform_points
+from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
 
 _CORRELATION = 10.0
 """Neighbouring depth pixels err together: so many points count as one independent."""
@@ -29,19 +29,6 @@ _LEAST_INTENSITY_ERROR = 6.0
 """Brightness is never trusted to better than this [levels]."""
 
 _LEAST_PAIRS = 10
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Standard deviations of the pose correction about the identity."""
-
-    rotation: float
-    """[rad]"""
-    translation: float
-    """[m]"""
-
-    def information(self) -> Float[np.ndarray, "6 6"]:
-        return np.diag([self.rotation**-2] * 3 + [self.translation**-2] * 3)
 
 
 @dataclass(frozen=True)
@@ -63,12 +50,31 @@ class Stage:
 
 
 @dataclass(frozen=True, eq=False)
+class Evidence:
+    """A cloud and what it is fitted to; several of them share one motion."""
+
+    source: Cloud
+    target: RegistrationTarget
+    noise: float
+    """Standard deviation of the source points along the line of sight [m]."""
+    spacing: float = 0.0
+    """Distance between neighbouring points [m]: partners are looked for at least this far."""
+
+
+@dataclass(frozen=True, eq=False)
 class Registration:
     """What a fit gives."""
 
     T_target_source: Float[np.ndarray, "4 4"]
-    inliers: Bool[np.ndarray, "P"]
-    """Points of the last stage that have a partner."""
+    shares: tuple[float, ...]
+    """Of each evidence: the share of its points that have a partner in the last stage."""
+    information: Float[np.ndarray, "6 6"]
+    """Inverse covariance of a left-multiplied step [rotation, translation], the prior included."""
+
+
+def independent(rotation: float, translation: float) -> Float[np.ndarray, "6 6"]:
+    """Information of a correction with these standard deviations [rad], [m] about each axis."""
+    return np.diag([rotation**-2] * 3 + [translation**-2] * 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,46 +87,61 @@ class _Pairs:
 
 
 def register(
-    source: Cloud,
-    target: RegistrationTarget,
-    *,
+    evidence: Sequence[Evidence],
     stages: Sequence[Stage],
-    noise: float,
-    prior: Prior,
+    prior: Float[np.ndarray, "6 6"],
+    T_start: Float[np.ndarray, "4 4"] | None = None,
 ) -> Registration | None:
     """Gauss-Newton over pairs found anew in each iteration.
 
     Minimises the symmetric point-to-plane distance (Rusinkiewicz 2019) and the brightness
-    difference along the surface (Park, Zhou, Koltun 2017), both with Tukey weights.
-    Source and target are in one frame up to a small correction, which `prior` bounds where the
-    images do not. None when fewer than ten points find a partner.
+    difference along the surface (Park, Zhou, Koltun 2017), both with Tukey weights. Sources and
+    targets are in one frame up to a small correction, which the prior bounds where the images do
+    not. None when fewer than ten points find a partner.
 
     Args:
         stages: from coarse to fine.
-        noise: standard deviation of the source points along the line of sight [m].
+        prior: information (inverse covariance) of the correction [rotation, translation] about
+            the start; see `independent`.
+        T_start: `T_target_source` to begin with; by default the identity.
     """
-    T = np.eye(4)
-    inliers = np.zeros(len(source), dtype=bool)
+    start = np.eye(4) if T_start is None else T_start
+    T, H = start, np.zeros((6, 6))
+    counts, parts = np.zeros(len(evidence)), list(evidence)
     for stage in stages:
-        part = source[:: stage.every]
+        parts = [replace(one, source=one.source[:: stage.every]) for one in evidence]
         for _ in range(stage.iterations):
-            pairs, inliers = _pair(part, target, T, stage.cutoff)
-            if inliers.sum() < _LEAST_PAIRS:
+            H, g, counts = _all_terms(parts, T, stage)
+            if counts.sum() < _LEAST_PAIRS:
                 return None
-            H, g = _geometric_terms(pairs, stage.cutoff, noise)
-            if stage.color:
-                H_color, g_color = _color_terms(pairs)
-                H, g = H + H_color, g + g_color
-            step = _solve(H, g, T, prior)
+            step = _solve(H, g, T @ invert_transform(start), prior)
             T = step @ T
             if np.linalg.norm(step[:3, 3]) < stage.small_m and _angle(step) < stage.small_rad:
                 break
-    return Registration(T, inliers)
+    shares = tuple(float(n) / max(1, len(one.source)) for n, one in zip(counts, parts, strict=True))
+    return Registration(T, shares, H + prior)
 
 
-def _pair(
-    source: Cloud, target: RegistrationTarget, T: np.ndarray, cutoff: float
-) -> tuple[_Pairs, Bool[np.ndarray, "P"]]:
+def _all_terms(
+    evidence: Sequence[Evidence], T: np.ndarray, stage: Stage
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sum of the normal equations, and the number of pairs of each evidence."""
+    H, g, counts = np.zeros((6, 6)), np.zeros(6), np.zeros(len(evidence))
+    for number, one in enumerate(evidence):
+        cutoff = max(stage.cutoff, 1.5 * one.spacing)
+        pairs = _pair(one.source, one.target, T, cutoff)
+        if len(pairs.source) < _LEAST_PAIRS:
+            continue
+        counts[number] = len(pairs.source)
+        terms = [_geometric_terms(pairs, cutoff, one.noise)]
+        if stage.color:
+            terms.append(_color_terms(pairs))
+        H = H + sum(term[0] for term in terms)
+        g = g + sum(term[1] for term in terms)
+    return H, g, counts
+
+
+def _pair(source: Cloud, target: RegistrationTarget, T: np.ndarray, cutoff: float) -> _Pairs:
     points = transform_points(T, source.points)
     normals = source.normals @ T[:3, :3].T
     index, squared = _nearest(target.tree, points)
@@ -128,7 +149,7 @@ def _pair(
     inliers &= np.einsum("pc,pc->p", normals, target.cloud.normals[index]) > _NORMAL_AGREEMENT
     chosen = index[inliers]
     moved = Cloud(points[inliers], normals[inliers], source.intensity[inliers])
-    return _Pairs(moved, target.cloud[chosen], target.gradients[chosen]), inliers
+    return _Pairs(moved, target.cloud[chosen], target.gradients[chosen])
 
 
 def _nearest(tree: small_gicp.KdTree, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +166,10 @@ def _geometric_terms(
     distances = np.einsum("pc,pc->p", normals, pairs.source.points - pairs.target.points)
     J = np.concatenate([_cross(pairs.source.points, normals), normals], axis=-1)
     spread = max(1.48 * _median(np.abs(distances)), 0.5 * noise)
-    weights = _tukey(distances / min(4.0 * spread, cutoff)) / (spread**2 * _CORRELATION)
+    # Not narrower than a share of the cutoff: walls that slide along themselves fit well and must
+    # not make an outlier of the rim, which alone tells of a lift.
+    reach = float(np.clip(4.0 * spread, 0.4 * cutoff, cutoff))
+    weights = _tukey(distances / reach) / (spread**2 * _CORRELATION)
     return _normal_equations(J, distances, weights)
 
 
@@ -173,10 +197,11 @@ def _normal_equations(
     return weighted.T @ J, weighted.T @ residuals
 
 
-def _solve(H: np.ndarray, g: np.ndarray, T: np.ndarray, prior: Prior) -> Float[np.ndarray, "4 4"]:
+def _solve(
+    H: np.ndarray, g: np.ndarray, T: np.ndarray, prior: np.ndarray
+) -> Float[np.ndarray, "4 4"]:
     from_prior = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
-    information = prior.information()
-    step: np.ndarray = -np.linalg.solve(H + information, g + information @ from_prior)
+    step: np.ndarray = -np.linalg.solve(H + prior, g + prior @ from_prior)
     return make_transform(cv2.Rodrigues(step[:3])[0], step[3:])
 
 

@@ -1,4 +1,4 @@
-"""The model, indexed for registration: the object's surface and a patch of what it stands on."""
+"""The object's surface, indexed for registration."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import small_gicp
 from jaxtyping import Float
 
 from robust6dof.baselines.cloud import Cloud
-from robust6dof.tracking.support_plane import Plane
 
 _NEIGHBOURS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class RegistrationTarget:
-    """Surface points first, then those of the plane."""
+    """A cloud with what the registration asks of it."""
 
     cloud: Cloud
     gradients: Float[np.ndarray, "P 3"]
@@ -24,20 +23,8 @@ class RegistrationTarget:
     tree: small_gicp.KdTree
 
     @classmethod
-    def build(
-        cls, surface: Cloud, plane: Plane | None, extents: Float[np.ndarray, "3"]
-    ) -> RegistrationTarget:
-        gradients = intensity_gradients(surface)
-        if plane is not None:
-            patch = _plane_patch(plane, extents)
-            surface = surface.joined(patch)
-            gradients = np.concatenate([gradients, np.zeros((len(patch), 3))])
-        return cls(surface, gradients, small_gicp.KdTree(surface.points))
-
-
-def plane_radius(extents: Float[np.ndarray, "3"]) -> float:
-    """How far from the object's centre its supporting plane is used [m]."""
-    return 0.9 * float(np.linalg.norm(extents))
+    def build(cls, cloud: Cloud) -> RegistrationTarget:
+        return cls(cloud, intensity_gradients(cloud), small_gicp.KdTree(cloud.points))
 
 
 def intensity_gradients(cloud: Cloud) -> Float[np.ndarray, "P 3"]:
@@ -64,16 +51,3 @@ def intensity_gradients(cloud: Cloud) -> Float[np.ndarray, "P 3"]:
     gradients = np.linalg.solve(moments, np.einsum("pki,pk->pi", arms, steps)[..., None])[..., 0]
     enough = usable.sum(axis=1) >= 6
     return np.where(enough[:, None], gradients, 0.0)
-
-
-def _plane_patch(plane: Plane, extents: np.ndarray) -> Cloud:
-    """A grid on the plane, somewhat wider than the ring of points that is matched to it."""
-    radius = 1.15 * plane_radius(extents)
-    first = np.cross(plane.normal, np.eye(3)[np.argmin(np.abs(plane.normal))])
-    first /= np.linalg.norm(first)
-    second = np.cross(plane.normal, first)
-    steps = np.linspace(-radius, radius, 25)
-    u, v = (grid.reshape(-1, 1) for grid in np.meshgrid(steps, steps))
-    inside = np.hypot(u, v).ravel() < radius
-    points = (u * first + v * second - plane.offset * plane.normal)[inside]
-    return Cloud(points, np.tile(plane.normal, (len(points), 1)), np.full(len(points), np.nan))
