@@ -21,7 +21,7 @@ class CutConfig:
 
     max_pixels: int = 6000
     """Pixels of the rectangle around the box that are looked at."""
-    max_points: int = 600
+    max_points: int = 450
     """Object points that are kept."""
 
 

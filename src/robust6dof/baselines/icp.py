@@ -36,6 +36,9 @@ from robust6dof.tracking.support_plane import Plane, find_support_plane
 _LEARNING_MARGIN = 0.02
 """How far outside the box a view's points are taken into the model, as a share of its diagonal."""
 
+_APART_ITERATIONS = 3
+"""Of the object alone, from where it is found with its surroundings."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
@@ -165,7 +168,8 @@ class IcpTracker:
             return _Fit(T_predicted, NOTHING_SEEN)
         left = False
         if len(together) > 1:
-            apart = register(alone, stages[-1:], prior, registration.T_target_source)
+            apart_stage = replace(stages[-1], iterations=_APART_ITERATIONS)
+            apart = register(alone, [apart_stage], prior, registration.T_target_source)
             left = apart is not None and self._has_left(registration, apart)
             registration = apart if left and apart is not None else registration
         T_cam_obj = check_transform(T_predicted @ invert_transform(registration.T_target_source))

@@ -43,7 +43,7 @@ class IcpConfig:
     """After as many such frames in a row the surroundings are forgotten, …"""
     retry_frames: int = 15
     """… and taken up anew after as many more."""
-    keyframe_angle_deg: float = 4.0
+    keyframe_angle_deg: float = 5.0
     """The model takes in a view that differs by this much from all before, …"""
     keyframe_distance_ratio: float = 1.15
     """… or that is nearer by this ratio."""

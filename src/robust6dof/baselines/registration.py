@@ -43,7 +43,7 @@ class Stage:
     """Use only each n-th source point."""
     color: bool = True
     """Compare brightness too; its basin is as narrow as the print's detail."""
-    small_m: float = 1e-4
+    small_m: float = 2e-4
     """The stage ends with a step below this …"""
     small_rad: float = 1e-3
     """… and this."""

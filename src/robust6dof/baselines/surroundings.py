@@ -29,10 +29,10 @@ class SurroundingsConfig:
     reach_m: float = 0.35
     """… and this more."""
     voxel_m: float = 0.016
-    max_points: int = 400
+    max_points: int = 300
     """Points of one frame."""
     max_model_points: int = 4000
-    least_points: int = 80
+    least_points: int = 60
     """With fewer there is nothing to go by."""
 
 
