@@ -61,13 +61,15 @@ class InitialisationConfig:
 
     yaw_starts: int = 12
     """Turns about the up axis that are tried (one for a symmetric category)."""
-    fine_starts: int = 3
+    fine_starts: int = 4
     """The best of them are refined with more points."""
     coarse_points: int = 80
     fine_points: int = 400
     """Observed points that are compared; the prior has three times as many."""
     width_doubt: float = 0.15
-    """Standard deviation of log(width / height) about the prior's."""
+    """Standard deviation of log(width / height) about the prior's …"""
+    laptop_width_doubt: float = 0.5
+    """… and for a laptop, whose height depends on how far it is open."""
     candidates: int = 4
     """Pieces that are tried where nothing is marked."""
     seed: int = 0
@@ -207,6 +209,8 @@ class _Evidence:
     """Expected depth error [m]."""
     outside_px: Float[np.ndarray, "H W"]
     """Distance of each pixel from the mask; 0 where something nearer may hide the object."""
+    contour: Float[np.ndarray, "C 2"]
+    """Pixels (x, y) on the mask's edge: thin parts (a handle) show here best."""
     frame: RgbdFrame
     plane: Plane | None
 
@@ -276,6 +280,7 @@ class _PriorFit:
             points,
             0.002 + float(depth_noise(distance)),
             cv2.distanceTransform(free, cv2.DIST_L2, 3).astype(np.float64),
+            _contour(segment.mask),
             frame,
             plane,
         )
@@ -296,7 +301,7 @@ class _PriorFit:
             bottom = -evidence.plane.offset
         extents = self._extents
         if extents is None:
-            extents = self._sides / self._sides[1] * max(top - bottom, 0.01)
+            extents = self._start_extents(points, up, max(top - bottom, 0.01))
         middle = np.median(points, axis=0)
         away = middle / np.linalg.norm(middle)
         centre = middle + 0.25 * float(np.hypot(extents[0], extents[2])) * _across(away, up)
@@ -314,13 +319,33 @@ class _PriorFit:
             for turn in range(count)
         ]
 
+    def _start_extents(
+        self, points: np.ndarray, up: np.ndarray, height: float
+    ) -> Float[np.ndarray, "3"]:
+        """The prior's sides at the height that is seen; a laptop's at the width that is seen."""
+        extents = self._sides / self._sides[1] * height
+        if self._category != "laptop":
+            return extents
+        flat = points - np.outer(points @ up, up)
+        away = np.linalg.norm(flat - np.median(flat, axis=0), axis=-1)
+        seen = 2.0 * float(np.percentile(away, 95))
+        widening = max(1.0, 0.9 * seen / float(np.hypot(extents[0], extents[2])))
+        return extents * np.array([widening, 1.0, widening])
+
     def _refine(
         self, evidence: _Evidence, start: InitialPose, count: int, move: bool = True
     ) -> InitialPose:
         """Robust least squares over yaw, tilt, position, log height and log width."""
         problem = _Residuals(self, evidence, start, count, move)
+        reach = 0.6 * float(np.linalg.norm(start.extents))
+        bounds = np.array([4.0] * 3 + [reach] * 3 + [0.7, 0.7])
         solution = least_squares(
-            problem, np.zeros(8), method="trf", loss="huber", f_scale=2.0, max_nfev=12
+            problem,
+            np.zeros(8),
+            bounds=(-bounds, bounds),
+            loss="huber",
+            f_scale=2.0,
+            max_nfev=12,
         )
         T_cam_obj, extents = problem.pose_at(solution.x)
         return InitialPose(T_cam_obj, extents, float(2.0 * solution.cost / problem.weight))
@@ -343,12 +368,22 @@ class _Residuals:
         self._sides, self._free_size = fit._sides, fit._extents is None
         self._move = move
         self._symmetric = fit._category in SYMMETRIC_CATEGORIES
+        laptop = fit._category == "laptop"
+        doubt = fit._config.laptop_width_doubt if laptop else fit._config.width_doubt
+        # Relative to the prior, not to the start.
+        ratios = start.extents / fit._sides
+        self._start_width = float(np.log(ratios[0] / ratios[1]))
+        self._width_doubt = doubt
         self._unit_box = fit._shape / fit._sides
         self._tree_points = self._unit_box
-        keep = rng.permutation(len(self._unit_box))[: 3 * count]
-        self._outline = self._unit_box[keep]
         points = evidence.points_cam
         self._points = points[rng.permutation(len(points))[:count]]
+        keep = rng.permutation(len(self._unit_box))[: 3 * count]
+        self._outline = self._unit_box[keep]
+        self._skin = self._unit_box[rng.permutation(len(self._unit_box))[:700]]
+        contour = evidence.contour
+        self._contour = contour[:: max(1, int(np.ceil(len(contour) / count)))]
+        self._share = np.sqrt(len(self._points) / max(1, len(self._contour)))
         self.weight = float(len(self._points))
         self._tree = KDTree(self._unit_box * start.extents)
 
@@ -368,6 +403,7 @@ class _Residuals:
             [
                 self._surface(T_cam_obj, extents),
                 self._silhouette(T_cam_obj, extents),
+                self._coverage(T_cam_obj, extents),
                 self._prior(x),
             ]
         )
@@ -378,22 +414,37 @@ class _Residuals:
         ratio = self._start.extents / extents
         _, index = self._tree.query(points * ratio)
         gaps = points - self._tree_points[index] * extents
-        # The prior is a cloud and a mean: its own spacing and error are part of the noise.
-        noise = self._evidence.noise + 0.02 * float(np.linalg.norm(extents))
-        return np.linalg.norm(gaps, axis=-1) / noise
+        return np.linalg.norm(gaps, axis=-1) / self._noise(extents)
 
     def _silhouette(self, T_cam_obj: np.ndarray, extents: np.ndarray) -> np.ndarray:
         """From each prior point outside the mask back to it, in metres at the object's distance."""
         frame = self._evidence.frame
-        points = transform_points(T_cam_obj, self._outline * extents)
-        z = np.maximum(points[:, 2], 0.05)
-        x = frame.K[0, 0] * points[:, 0] / z + frame.K[0, 2]
-        y = frame.K[1, 1] * points[:, 1] / z + frame.K[1, 2]
+        x, y, z = self._projected(T_cam_obj, self._outline * extents)
         inside_x = np.clip(x, 0, frame.width - 1.001)
         inside_y = np.clip(y, 0, frame.height - 1.001)
         outside = _bilinear(self._evidence.outside_px, inside_x, inside_y)
-        noise = self._evidence.noise + 0.02 * float(np.linalg.norm(extents))
-        return outside * z / frame.K[0, 0] / noise / np.sqrt(3.0)
+        return outside * z / frame.K[0, 0] / self._noise(extents) / np.sqrt(3.0)
+
+    def _coverage(self, T_cam_obj: np.ndarray, extents: np.ndarray) -> np.ndarray:
+        """From each pixel of the mask's edge to the nearest prior point in the image, in metres."""
+        x, y, _ = self._projected(T_cam_obj, self._skin * extents)
+        away, _ = KDTree(np.column_stack([x, y])).query(self._contour)
+        gap = away * T_cam_obj[2, 3] / self._evidence.frame.K[0, 0]
+        gap = np.maximum(gap - 0.015 * float(np.linalg.norm(extents)), 0.0)
+        return self._share * gap / self._noise(extents)
+
+    def _projected(
+        self, T_cam_obj: np.ndarray, points: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        K = self._evidence.frame.K
+        points_cam = transform_points(T_cam_obj, points)
+        z = np.maximum(points_cam[:, 2], 0.05)
+        x = K[0, 0] * points_cam[:, 0] / z + K[0, 2]
+        return x, K[1, 1] * points_cam[:, 1] / z + K[1, 2], z
+
+    def _noise(self, extents: np.ndarray) -> float:
+        """The prior is a cloud and a mean: its own spacing and error are part of the noise [m]."""
+        return self._evidence.noise + 0.02 * float(np.linalg.norm(extents))
 
     def _prior(self, x: np.ndarray) -> np.ndarray:
         """Tilt stays near the plane's normal, the bottom on the plane, the shape near the mean."""
@@ -404,7 +455,10 @@ class _Residuals:
         tilt_doubt = np.deg2rad(3.0 if known_up else 15.0)
         yaw_doubt = np.deg2rad(2.0 if self._symmetric else 180.0)
         doubts = np.array([tilt_doubt, yaw_doubt, tilt_doubt])
-        terms = [strength * turn / doubts, [strength * x[7] / self._config.width_doubt]]
+        terms = [
+            strength * turn / doubts,
+            [strength * (x[7] + self._start_width) / self._width_doubt],
+        ]
         if known_up and self._evidence.plane is not None:
             T_cam_obj, extents = self.pose_at(x)
             bottom = T_cam_obj[:3, 3] - 0.5 * extents[1] * T_cam_obj[:3, 1]
@@ -421,6 +475,15 @@ def _main_body(points: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, "Q 3"]:
     median = np.median(points, axis=0)
     away = np.linalg.norm(points - median, axis=-1)
     return points[away < 3.0 * np.percentile(away, 60) + 0.01]
+
+
+def _contour(mask: Bool[np.ndarray, "H W"]) -> Float[np.ndarray, "C 2"]:
+    """Edge pixels (x, y) of a mask that are not at the image's border."""
+    height, width = mask.shape
+    edge = mask & ~(cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    y, x = np.nonzero(edge)
+    inner = (x > 2) & (x < width - 3) & (y > 2) & (y < height - 3)
+    return np.stack([x[inner], y[inner]], axis=-1).astype(np.float64)
 
 
 def _across(v: np.ndarray, up: np.ndarray) -> Float[np.ndarray, "3"]:
