@@ -73,7 +73,9 @@ def test_each_line_is_on_disk_at_once(tmp_path: Path) -> None:
 def test_an_interrupted_run_keeps_what_was_done(tmp_path: Path) -> None:
     path = tmp_path / "track.jsonl"
     script = (
-        "import sys, time; sys.path.insert(0, sys.argv[2])\n"
+        # A shell's background job is born with SIGINT ignored; Python then never interrupts.
+        "import signal, sys, time; sys.path.insert(0, sys.argv[2])\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from data.test_track_file import TrackWriter, make_track\n"
         "with TrackWriter(sys.argv[1]) as writer:\n"
         "    writer.write('a', make_track(), 1.0)\n"
