@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.boxes import box_corners
@@ -65,6 +65,11 @@ def cut_region(
     pixels = np.stack([x0 + stride * x, y0 + stride * y], axis=-1)
     rays = (pixels - frame.K[:2, 2]) / np.diag(frame.K)[:2]
     return Region(np.column_stack([rays * z[:, None], z]), pixels)
+
+
+def valid_depth(frame: RgbdFrame) -> Bool[np.ndarray, "H W"]:
+    """Pixels with usable depth."""
+    return np.isfinite(frame.depth) & (frame.depth > NEAREST_M)
 
 
 def depth_noise(z: np.ndarray | float) -> np.ndarray:
