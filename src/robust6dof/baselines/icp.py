@@ -31,6 +31,7 @@ from robust6dof.geometry.transforms import check_transform, invert_transform
 from robust6dof.tracking.initialisation import InitialPose, find_initial_pose
 from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise
+from robust6dof.tracking.states import StateCount, StateRules, next_state
 from robust6dof.tracking.support_plane import Plane, find_support_plane
 
 _LEARNING_MARGIN = 0.02
@@ -51,10 +52,8 @@ class _Fit:
 class IcpTracker:
     """Frame-to-model ICP behind the `PoseTracker` protocol.
 
-    States: TRACKING while the confidence is at least `tracking_confidence`; UNCERTAIN below; LOST
-    after `lost_frames` frames below `lost_confidence` or once the box has left the image;
-    RECOVERING from the first good frame after a loss until `lost_frames` good ones. While the fit
-    is bad, the pose goes on with the surroundings, or holds.
+    States as in `tracking.states`, and LOST at once where nothing of the box is in view. While
+    the fit is bad, the pose goes on with the surroundings, or holds.
     """
 
     def __init__(
@@ -96,12 +95,13 @@ class IcpTracker:
         prior = self._prior(memory, seconds)
         T_predicted = memory.motion.predict(track.T_cam_obj, seconds)
         fit = self._fit(frame, T_predicted, prior, track)
-        if fit.quality.confidence < self.config.tracking_confidence:
+        if fit.quality.confidence < self.config.states.sure:
             again = self._fit(frame, track.T_cam_obj, prior, track, carefully=True)
             fit = max(fit, again, key=lambda one: one.quality.confidence)
-        memory = memory.counted(fit.quality.confidence, self.config)
-        state = self._next_state(track.state, memory, fit.quality)
-        if fit.quality.confidence < self.config.lost_confidence:
+        count = memory.count.after(fit.quality.confidence, self.config.states)
+        memory = replace(memory, frames=memory.frames + 1, count=count)
+        state = _state_after(track.state, fit.quality, count, self.config.states)
+        if fit.quality.confidence < self.config.states.lost:
             T_held = self._carried(frame, T_predicted, prior, track)
             memory = replace(memory, motion=Motion.at_rest())
             return _updated(track, frame, _Fit(T_held, fit.quality), state, memory)
@@ -139,7 +139,7 @@ class IcpTracker:
         """Doubt in constant velocity: what the acceleration can change in one step, and more
         before the velocity is known."""
         config = self.config
-        half = 0.5 * seconds**2 * (4.0 if memory.frames < 4 or memory.bad_frames else 1.0)
+        half = 0.5 * seconds**2 * (4.0 if memory.frames < 4 or memory.count.bad else 1.0)
         return independent(config.angular_acceleration * half, config.linear_acceleration * half)
 
     def _fit(
@@ -257,16 +257,11 @@ class IcpTracker:
             memory = memory.with_view(frame, T_cam_obj, extents, view)
         return replace(track, memory=memory)
 
-    def _next_state(self, state: TrackState, memory: IcpMemory, quality: FitQuality) -> TrackState:
-        good = memory.good_frames > 0
-        if state in (TrackState.LOST, TrackState.RECOVERING):
-            if not good:
-                return TrackState.LOST
-            settled = memory.good_frames >= self.config.lost_frames
-            return TrackState.TRACKING if settled else TrackState.RECOVERING
-        if memory.bad_frames >= self.config.lost_frames or quality is NOTHING_SEEN:
-            return TrackState.LOST
-        return TrackState.TRACKING if good else TrackState.UNCERTAIN
+
+def _state_after(
+    state: TrackState, quality: FitQuality, count: StateCount, rules: StateRules
+) -> TrackState:
+    return TrackState.LOST if quality is NOTHING_SEEN else next_state(state, count, rules)
 
 
 def _updated(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from robust6dof.baselines.frame_cut import CutConfig
 from robust6dof.baselines.surroundings import SurroundingsConfig
+from robust6dof.tracking.states import StateRules
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,4 @@ class IcpConfig:
     """The first frames are all averaged into the model."""
     growth_confidence: float = 0.7
     """The model takes in nothing below this confidence."""
-    tracking_confidence: float = 0.5
-    """TRACKING at or above, UNCERTAIN below."""
-    lost_confidence: float = 0.2
-    """Below this for `lost_frames` frames in a row: LOST."""
-    lost_frames: int = 3
+    states: StateRules = field(default_factory=StateRules)

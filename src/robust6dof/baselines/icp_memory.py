@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,6 +17,7 @@ from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.region import depth_noise
+from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.support_plane import Plane
 
 
@@ -39,19 +40,7 @@ class IcpMemory:
     free_frames: int = 0
     """Frames since the surroundings were forgotten."""
     frames: int = 1
-    bad_frames: int = 0
-    good_frames: int = 0
-
-    def counted(self, confidence: float, config: IcpConfig) -> IcpMemory:
-        """One more frame, good, bad or neither."""
-        bad = confidence < config.lost_confidence
-        good = confidence >= config.tracking_confidence
-        return replace(
-            self,
-            frames=self.frames + 1,
-            bad_frames=self.bad_frames + 1 if bad else 0,
-            good_frames=self.good_frames + 1 if good else 0,
-        )
+    count: StateCount = field(default_factory=StateCount)
 
     def watching_own_motion(self, left: bool, config: IcpConfig) -> IcpMemory:
         """Forget the surroundings once the object has left them for some frames."""

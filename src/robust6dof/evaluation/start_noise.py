@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -75,7 +74,6 @@ def _direction(rng: np.random.Generator) -> Float[np.ndarray, "3"]:
     return vector / np.linalg.norm(vector)
 
 
-@no_type_check  # PoseTracker cannot be checked at run time
 @dataclass(frozen=True)
 class PoseNoiseTracker:
     """A tracker whose poses are disturbed: the paper's Orig, Init×n (`init`), All×n (`all`).
