@@ -6,8 +6,8 @@ from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
 from robust6dof.simulation.air import WindConfig
 from robust6dof.simulation.estimator import EstimatorNoise
-from robust6dof.simulation.model import Surface
 from robust6dof.simulation.plant import AerialPlant, PlantConfig
+from robust6dof.synthetic.room import Surface
 
 FLOOR = Surface((0.0, 0.0), (20.0, 20.0), 0.0)
 CALM = PlantConfig(noise=EstimatorNoise.none(), wind=WindConfig(turbulence=(0.0, 0.0, 0.0)))

@@ -6,11 +6,11 @@ import pytest
 from robust6dof.errors import InputError
 from robust6dof.frames import CATEGORIES
 from robust6dof.geometry.transforms import invert_transform
+from robust6dof.rendering.d435i import color_camera
 from robust6dof.rendering.rasteriser import render_depth
 from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
 from robust6dof.servo.goal import look_down_goal
 from robust6dof.simulation.episode import TARGET_ID, EpisodeOptions, draw_world, goal_camera
-from robust6dof.simulation.eye_in_hand import color_camera
 from robust6dof.simulation.scenario import SCENARIOS, scenario_named
 from robust6dof.simulation.start import draw_episode
 

@@ -13,8 +13,9 @@ from robust6dof.geometry.transforms import invert_transform, make_transform
 from robust6dof.rendering.scene import MeshInstance, Scene
 from robust6dof.shapes.mesh import ObjectModel, TexturedMesh
 from robust6dof.shapes.procedural import make_object
-from robust6dof.simulation.model import Surface
-from robust6dof.simulation.motion import (
+from robust6dof.simulation.scenario import Scenario
+from robust6dof.synthetic.arrangement import StandingObject, stand, stand_around
+from robust6dof.synthetic.paths import (
     Circle,
     Excursion,
     Path,
@@ -22,18 +23,19 @@ from robust6dof.simulation.motion import (
     StopAndGo,
     Straight,
     moved_along,
+    way,
 )
-from robust6dof.simulation.primitives import box, plain
-from robust6dof.simulation.room import (
+from robust6dof.synthetic.primitives import box, plain
+from robust6dof.synthetic.room import (
     Lighting,
     Support,
+    Surface,
     draw_cart,
     draw_lighting,
     draw_room,
     draw_table,
     floor_surface,
 )
-from robust6dof.simulation.scenario import Scenario
 
 TARGET_ID = 1
 """`instance_id` of the target in every rendering."""
@@ -43,8 +45,8 @@ VEHICLE_ID = 2
 
 _OTHERS_ID = 3
 
-_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""R_world_obj of an object that stands: its y is the world's z."""
+_LONGEST_RUN_S = 60.0
+"""The way of a moving target is kept free of furniture for so long [s]."""
 
 
 @dataclass(frozen=True)
@@ -137,29 +139,22 @@ def draw_world(scenario: Scenario, options: EpisodeOptions, seed: int) -> World:
     support = draw_table(rng) if scenario.on_table else draw_cart(rng)
     reach = 0.12 if scenario.on_table else 0.0
     place = rng.uniform(-reach, reach, 2)
-    T_world_obj = _standing(target, place, support.surface.top, rng)
+    standing = stand(target, place, support.surface.top, rng)
+    T_world_obj = standing.T_world_obj
     path = _draw_path(scenario, rng)
-    others = _draw_clutter(scenario, options, target, T_world_obj, support.surface, rng)
+    others = _draw_clutter(scenario, options, standing, support.surface, rng)
     occluder = _draw_occluder(T_world_obj, rng) if scenario.occlusion else None
     return World(
         target,
         T_world_obj,
         path,
         support,
-        draw_room(rng, scenario.half_width),
+        draw_room(rng, scenario.half_width, way(path, _LONGEST_RUN_S)),
         others,
         draw_lighting(rng),
         scenario.half_width,
         occluder,
     )
-
-
-def _standing(
-    thing: ObjectModel, place: Float[np.ndarray, "2"], top: float, rng: np.random.Generator
-) -> Float[np.ndarray, "4 4"]:
-    turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
-    height = top + thing.extents[1] / 2.0
-    return make_transform(turn @ _UPRIGHT, np.array([*place, height]))
 
 
 def _draw_path(scenario: Scenario, rng: np.random.Generator) -> Path:
@@ -182,44 +177,15 @@ def _draw_path(scenario: Scenario, rng: np.random.Generator) -> Path:
 def _draw_clutter(
     scenario: Scenario,
     options: EpisodeOptions,
-    target: ObjectModel,
-    T_world_obj: Float[np.ndarray, "4 4"],
+    target: StandingObject,
     surface: Surface,
     rng: np.random.Generator,
 ) -> tuple[MeshInstance, ...]:
-    """Objects standing beside the target, none touching another."""
     low, high = scenario.clutter
-    names = [c for c in CATEGORIES if options.same_category_clutter or c != target.category]
-    taken = [(T_world_obj[:2, 3], _footprint(target))]
-    placed: list[MeshInstance] = []
-    for _ in range(int(rng.integers(low, high + 1))):
-        thing = make_object(str(rng.choice(names)), rng)
-        place = _free_place(_footprint(thing), taken, surface, rng)
-        if place is not None:
-            taken.append((place, _footprint(thing)))
-            T_world_thing = _standing(thing, place, surface.top, rng)
-            placed.append(MeshInstance(thing.mesh, T_world_thing, _OTHERS_ID))
-    return tuple(placed)
-
-
-def _footprint(thing: ObjectModel) -> float:
-    """Radius of the circle around the object, seen from above [m]."""
-    return float(np.hypot(thing.extents[0], thing.extents[2])) / 2.0
-
-
-def _free_place(
-    radius: float,
-    taken: list[tuple[Float[np.ndarray, "2"], float]],
-    surface: Surface,
-    rng: np.random.Generator,
-) -> Float[np.ndarray, "2"] | None:
-    half = np.array(surface.size) / 2.0 - radius
-    turn = Rotation.from_euler("z", surface.yaw).as_matrix()[:2, :2]
-    for _ in range(60):
-        place = turn @ rng.uniform(-half, half)
-        if all(np.linalg.norm(place - at) > radius + other + 0.03 for at, other in taken):
-            return place
-    return None
+    category = target.model.category
+    names = [c for c in CATEGORIES if options.same_category_clutter or c != category]
+    others = stand_around(target, surface, int(rng.integers(low, high + 1)), names, rng)
+    return tuple(MeshInstance(o.model.mesh, o.T_world_obj, _OTHERS_ID) for o in others)
 
 
 def _draw_occluder(T_world_obj: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> Occluder:

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.frames import RgbdFrame
+from robust6dof.rendering.d435i import color_camera
 from robust6dof.rendering.rasteriser import render
-from robust6dof.rendering.scene import Camera
 from robust6dof.rendering.sensor import StereoSensor, StereoSensorConfig
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.simulation.episode import TARGET_ID, VEHICLE_ID, Episode
@@ -17,23 +17,8 @@ from robust6dof.simulation.plant import VehicleState
 from robust6dof.simulation.vehicle import QuadrotorParameters
 from robust6dof.simulation.vehicle_look import VehicleLook
 
-WIDTH, HEIGHT = 640, 480
-
-FOCAL_PX = 615.0
-"""Of the D435i's colour stream at 640×480: a horizontal field of view of 55°."""
-
 EXPOSURE = 0.008
 """Of an image in room light [s]."""
-
-
-def color_camera(T_world_cam: Float[np.ndarray, "4 4"], scale: float = 1.0) -> Camera:
-    """The colour camera, its image scaled by `scale`."""
-    width, height = round(WIDTH * scale), round(HEIGHT * scale)
-    focal = FOCAL_PX * scale
-    K = np.array(
-        [[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]]
-    )
-    return Camera(K, width, height, T_world_cam)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,17 +5,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.robot.arm import Joint, Link
 from robust6dof.simulation.autopilot import MassModel
 from robust6dof.simulation.vehicle import QuadrotorParameters
+from robust6dof.synthetic.room import Surface
 
 _VEHICLE, _FURNITURE = 1, 2
 """Collision groups: the vehicle touches furniture, never itself."""
@@ -28,30 +27,6 @@ _JOINT_DAMPING = 1.6
 
 _ARMATURE = 0.01
 """Reflected inertia of a geared motor [kg·m²]; without it light links make MuJoCo diverge."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A level rectangle that one can land on: a floor, a table top."""
-
-    center: tuple[float, float]
-    """x, y in the world [m]."""
-    size: tuple[float, float]
-    """Along x and y [m]."""
-    top: float
-    """Height of its upper side [m]."""
-    yaw: float = 0.0
-    """Turn about the vertical [rad]."""
-    thickness: float = 0.03
-    """[m]"""
-
-    def covers(self, points: Float[np.ndarray, "P 3"]) -> Bool[np.ndarray, "P"]:
-        """Whether each point lies over (or under) it."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        offset = points[:, :2] - np.array(self.center)
-        local = offset @ np.array([[c, -s], [s, c]])
-        inside = np.abs(local) <= np.array(self.size) / 2.0
-        return inside[:, 0] & inside[:, 1]
 
 
 def build_model(

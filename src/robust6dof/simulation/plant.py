@@ -22,8 +22,9 @@ from robust6dof.simulation.autopilot import (
     VehicleEstimate,
 )
 from robust6dof.simulation.estimator import EstimatorNoise, StateEstimator
-from robust6dof.simulation.model import Surface, build_model, mass_model
+from robust6dof.simulation.model import build_model, mass_model
 from robust6dof.simulation.vehicle import Mixer, QuadrotorParameters
+from robust6dof.synthetic.room import Surface
 
 _CROSS = -skew(np.eye(3))
 """Levi-Civita's symbol: a × b = einsum("ijk,j,k->i", _CROSS, a, b)."""

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.errors import InputError
 from robust6dof.geometry.transforms import invert_transform, make_transform
+from robust6dof.rendering.d435i import color_camera
 from robust6dof.rendering.rasteriser import render_depth
 from robust6dof.rendering.scene import Camera, Scene
 from robust6dof.robot.aerial_manipulator import AerialManipulator
@@ -22,7 +23,6 @@ from robust6dof.simulation.episode import (
     draw_world,
     goal_camera,
 )
-from robust6dof.simulation.eye_in_hand import color_camera
 from robust6dof.simulation.scenario import Scenario, StartRange
 from robust6dof.simulation.vehicle import QuadrotorParameters
 from robust6dof.simulation.vehicle_look import VehicleLook

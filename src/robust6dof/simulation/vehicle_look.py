@@ -10,8 +10,8 @@ from jaxtyping import Float
 from robust6dof.rendering.scene import MeshInstance
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.shapes.mesh import TexturedMesh
-from robust6dof.simulation.primitives import box, cylinder, moved, placed, plain, tube
 from robust6dof.simulation.vehicle import QuadrotorParameters
+from robust6dof.synthetic.primitives import box, cylinder, moved, placed, plain, tube
 
 _CARBON, _SHELL, _ACCENT = plain(42, 44, 48), plain(225, 228, 232), plain(226, 104, 34)
 _SILVER, _BLADE = plain(176, 182, 190), plain(70, 74, 82)

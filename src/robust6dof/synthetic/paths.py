@@ -122,6 +122,12 @@ def moved_along(
     return make_transform(R_turn @ T_world_thing[:3, :3], T_world_thing[:3, 3] + shift)
 
 
+def way(path: Path, duration: float) -> Float[np.ndarray, "P 2"]:
+    """Where the path leads in `duration` seconds: its places each half second [m]."""
+    times = np.arange(0.0, duration + 0.5, 0.5)
+    return np.array([path.displacement(float(time))[:2] for time in times])
+
+
 def _ramped(time: float, ramp: float) -> float:
     """Integral of a speed that rises linearly from 0 to 1 over `ramp`."""
     if time <= 0.0:

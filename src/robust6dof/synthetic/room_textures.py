@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from robust6dof.shapes.textures import any_pattern
+
 _SIZE = 256
 
 _Texture = UInt8[np.ndarray, "Th Tw 3"]
@@ -15,13 +17,13 @@ _Texture = UInt8[np.ndarray, "Th Tw 3"]
 
 def table_texture(rng: np.random.Generator) -> _Texture:
     """A table top, drawn; it repeats without a seam."""
-    kinds: list[Callable[[np.random.Generator], _Texture]] = [_wood, _laminate, _cloth]
+    kinds: list[Callable[[np.random.Generator], _Texture]] = [wood_texture, _laminate, _cloth]
     return kinds[int(rng.integers(len(kinds)))](rng)
 
 
 def floor_texture(rng: np.random.Generator) -> _Texture:
     """A floor, drawn; it repeats without a seam."""
-    kinds: list[Callable[[np.random.Generator], _Texture]] = [_tiles, _carpet, _wood]
+    kinds: list[Callable[[np.random.Generator], _Texture]] = [_tiles, carpet_texture, wood_texture]
     return kinds[int(rng.integers(len(kinds)))](rng)
 
 
@@ -31,7 +33,8 @@ def wall_texture(rng: np.random.Generator) -> _Texture:
     return _tinted(0.97 + 0.03 * _noise(rng, 4), color)
 
 
-def _wood(rng: np.random.Generator) -> _Texture:
+def wood_texture(rng: np.random.Generator) -> _Texture:
+    """Planed wood; its grain runs along the texture's rows."""
     color = np.array([150.0, 105.0, 65.0]) * rng.uniform(0.6, 1.5) + rng.uniform(-15, 15, 3)
     across = np.linspace(0.0, 2.0 * np.pi, _SIZE, endpoint=False)
     warp = 2.5 * _noise(rng, 8, stretch=8)
@@ -59,7 +62,13 @@ def _tiles(rng: np.random.Generator) -> _Texture:
     return _tinted(np.where(joint, 0.6, shade) + 0.04 * _noise(rng, 1), color)
 
 
-def _carpet(rng: np.random.Generator) -> _Texture:
+def picture_texture(rng: np.random.Generator) -> _Texture:
+    """A picture on a wall: one of the patterns that objects wear."""
+    return any_pattern(rng, _SIZE, _SIZE)
+
+
+def carpet_texture(rng: np.random.Generator) -> _Texture:
+    """A carpet of one colour."""
     return _tinted(0.65 + 0.35 * _noise(rng, 2), rng.uniform(60, 160, 3))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -90,10 +91,21 @@ def tube(
     return moved(cylinder(radius, length, texture, sides=sides), T)
 
 
+def joined(meshes: Sequence[TexturedMesh]) -> TexturedMesh:
+    """Meshes of one texture and material as one mesh, which is drawn faster than many."""
+    counts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + first for mesh, first in zip(meshes, counts, strict=False)]
+    return replace(
+        meshes[0],
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(faces),
+        uv=np.concatenate([mesh.uv for mesh in meshes]),
+    )
+
+
 def moved(mesh: TexturedMesh, T_dst_src: Float[np.ndarray, "4 4"]) -> TexturedMesh:
     """The mesh in another frame."""
-    vertices = transform_points(T_dst_src, mesh.vertices)
-    return TexturedMesh(vertices, mesh.faces, mesh.uv, mesh.texture, mesh.material)
+    return replace(mesh, vertices=transform_points(T_dst_src, mesh.vertices))
 
 
 def placed(mesh: TexturedMesh, *offset: float) -> TexturedMesh:

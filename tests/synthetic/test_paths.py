@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robust6dof.simulation.motion import (
+from robust6dof.synthetic.paths import (
     Circle,
     Excursion,
     Still,

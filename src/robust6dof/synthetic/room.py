@@ -5,18 +5,42 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.rendering.scene import Light
 from robust6dof.shapes.mesh import Material, TexturedMesh
-from robust6dof.simulation.model import Surface
-from robust6dof.simulation.primitives import box, cylinder, moved, placed, plain
-from robust6dof.simulation.surfaces import floor_texture, table_texture, wall_texture
+from robust6dof.synthetic.furniture import draw_floor_things, draw_rug, draw_wall_furniture
+from robust6dof.synthetic.primitives import box, cylinder, joined, moved, placed, plain
+from robust6dof.synthetic.room_textures import floor_texture, table_texture, wall_texture
 
 _HEIGHT = 3.0
 _CART_TOP = 0.22
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A level rectangle that one can land on: a floor, a table top."""
+
+    center: tuple[float, float]
+    """x, y in the world [m]."""
+    size: tuple[float, float]
+    """Along x and y [m]."""
+    top: float
+    """Height of its upper side [m]."""
+    yaw: float = 0.0
+    """Turn about the vertical [rad]."""
+    thickness: float = 0.03
+    """[m]"""
+
+    def covers(self, points: Float[np.ndarray, "P 3"]) -> Bool[np.ndarray, "P"]:
+        """Whether each point lies over (or under) it."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        offset = points[:, :2] - np.array(self.center)
+        local = offset @ np.array([[c, -s], [s, c]])
+        inside = np.abs(local) <= np.array(self.size) / 2.0
+        return inside[:, 0] & inside[:, 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +62,16 @@ class Lighting:
     ambient: tuple[float, float, float]
 
 
-def draw_room(rng: np.random.Generator, half_width: float) -> tuple[TexturedMesh, ...]:
-    """Floor and walls, in world coordinates; the walls are `half_width` [m] from the middle."""
+def draw_room(
+    rng: np.random.Generator, half_width: float, clear: Float[np.ndarray, "P 2"]
+) -> tuple[TexturedMesh, ...]:
+    """Floor, walls and what stands about, in world coordinates.
+
+    Args:
+        rng: where all randomness comes from.
+        half_width: of the walls from the middle [m].
+        clear: places (x, y) of the table or along the cart's way, about which the floor is free.
+    """
     wide = 2.0 * half_width
     floor = placed(box((wide, wide, 0.02), floor_texture(rng), tile=1.2), 0.0, 0.0, -0.01)
     paint = wall_texture(rng)
@@ -48,7 +80,14 @@ def draw_room(rng: np.random.Generator, half_width: float) -> tuple[TexturedMesh
         size = (0.02, wide, _HEIGHT) if x else (wide, 0.02, _HEIGHT)
         wall = box(size, paint, tile=1.5)
         walls.append(placed(wall, x * half_width, y * half_width, _HEIGHT / 2.0))
-    return floor, *walls
+    furniture = rng.spawn(1)[0]
+    return (
+        floor,
+        joined(walls),
+        draw_rug(furniture),
+        *draw_floor_things(furniture, half_width, clear),
+        *draw_wall_furniture(furniture, half_width),
+    )
 
 
 def draw_table(rng: np.random.Generator) -> Support:
@@ -66,7 +105,7 @@ def draw_table(rng: np.random.Generator) -> Support:
     legs = [placed(leg, x, y, (height - 0.03) / 2.0) for x, y in corners]
     T_world_support = make_transform(Rotation.from_euler("z", yaw).as_matrix(), np.zeros(3))
     surface = Surface((0.0, 0.0), (width, depth), height, yaw)
-    return Support((top, *legs), T_world_support, surface, moves=False)
+    return Support((top, joined(legs)), T_world_support, surface, moves=False)
 
 
 def draw_cart(rng: np.random.Generator) -> Support:
@@ -80,7 +119,7 @@ def draw_cart(rng: np.random.Generator) -> Support:
     wheels = [moved(wheel, make_transform(on_side, np.array([x, y, 0.07]))) for x, y in places]
     T_world_support = make_transform(Rotation.from_euler("z", yaw).as_matrix(), np.zeros(3))
     surface = Surface((0.0, 0.0), (side, side), _CART_TOP, yaw)
-    return Support((top, hull, *wheels), T_world_support, surface, moves=True)
+    return Support((top, hull, joined(wheels)), T_world_support, surface, moves=True)
 
 
 def draw_lighting(rng: np.random.Generator) -> Lighting:
