@@ -33,13 +33,14 @@ def run(options: Options) -> None:
 
     from robust6dof.network.benchmark import benchmark_network
     from robust6dof.network.config import preset
+    from robust6dof.network.device import resolve_device
 
     torch.set_num_threads(options.threads)
     result = asdict(
         benchmark_network(
             preset(options.preset),
             options.preset,
-            _device(options.device),
+            resolve_device(options.device),
             options.seed,
             options.repeats,
         )
@@ -49,13 +50,3 @@ def run(options: Options) -> None:
     if options.json is not None:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(text + "\n")
-
-
-def _device(choice: str) -> str:
-    import torch
-
-    from robust6dof.errors import InputError
-
-    if choice == "cuda" and not torch.cuda.is_available():
-        raise InputError("no CUDA device here; use --device cpu")
-    return "cuda" if choice != "cpu" and torch.cuda.is_available() else "cpu"

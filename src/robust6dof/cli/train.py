@@ -52,10 +52,12 @@ def run(options: Options) -> None:
 
     from robust6dof.network.checkpoint import load_network
     from robust6dof.network.config import preset
+    from robust6dof.network.device import resolve_device
     from robust6dof.tracking.view import ViewConfig
     from robust6dof.training.loop import TrainConfig, train
-    from robust6dof.training.pairs import PairConfig, RepeatedPairs, SyntheticPairs
+    from robust6dof.training.pairs import PairConfig, SyntheticPairs
     from robust6dof.training.recipe import recipe_named
+    from robust6dof.training.repeated_pairs import RepeatedPairs
 
     if options.threads:
         torch.set_num_threads(options.threads)
@@ -96,11 +98,3 @@ def run(options: Options) -> None:
     )
     print(f"weights: {options.out / 'network.safetensors'}")
 
-
-def resolve_device(device: str) -> str:
-    """`auto` as cuda where there is one, else cpu."""
-    import torch
-
-    if device != "auto":
-        return device
-    return "cuda" if torch.cuda.is_available() else "cpu"

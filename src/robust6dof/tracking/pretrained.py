@@ -5,10 +5,9 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-import torch
-
 from robust6dof.errors import DataError
 from robust6dof.network.checkpoint import load_network
+from robust6dof.network.device import resolve_device
 from robust6dof.network.robust6dof_net import Robust6DofNet
 
 SHIPPED = "categories"
@@ -24,9 +23,9 @@ def load_pretrained(path: str | Path | None = None, device: str = "auto") -> Rob
 
     Raises:
         DataError: missing or unusable weights; there is no silent fall-back.
+        InputError: cuda asked for where there is none.
     """
-    if device == "auto":
-        device = "cuda" if torch.cuda.is_available() else "cpu"
+    device = resolve_device(device)
     if path is not None:
         return load_network(path, device)
     with as_file(files("robust6dof") / "weights") as folder:

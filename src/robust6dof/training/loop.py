@@ -118,7 +118,8 @@ def _step(
     if bool(torch.isfinite(norm)):
         optimizer.step()
         _update_average(average, net, recipe.ema)
-    return {"loss": float(loss), "gradient": float(norm)} | {k: float(v) for k, v in parts.items()}
+    values = {"loss": loss, "gradient": norm} | parts
+    return {name: float(value.detach()) for name, value in values.items()}
 
 
 @torch.no_grad()

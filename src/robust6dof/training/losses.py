@@ -33,7 +33,7 @@ class LossWeights:
     """L_aux."""
     consistency: float = 5.0
     """L_mvc."""
-    matching: float = 0.1
+    matching: float = 0.3
     """L_c."""
     keypoint_error: float = 0.05
     """Likelihood of the keypoints' expected errors."""

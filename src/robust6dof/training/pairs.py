@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -32,11 +32,14 @@ class PairConfig:
     step_translation: float = 0.02
     """Standard deviation of the translation between the views, each axis [m]."""
     error_rotation: float = np.deg2rad(6.0)
-    """Scale of the prediction's rotation error [rad]; a fifth of the pairs err three times more."""
+    """Scale of the prediction's rotation error [rad], before `error_factors`."""
     error_translation: float = 0.015
-    """Standard deviation of its translation error, each axis [m]."""
+    """Standard deviation of its translation error, each axis [m], likewise."""
     error_scale: float = 0.08
-    """Standard deviation of the log of its scale error."""
+    """Standard deviation of the log of its scale error, likewise."""
+    error_factors: tuple[float, ...] = (0.4, 0.4, 1.0, 1.0, 2.5)
+    """One of these, drawn for each pair, multiplies its errors: a track that holds, one that slips,
+    a start from a rough pose."""
     error_shape: float = 0.05
     """Standard deviation of the log of each side's error."""
     distance: tuple[float, float] = (0.35, 1.4)
@@ -123,9 +126,10 @@ class SyntheticPairs(Dataset[PairBatch]):
         close_up = CloseUp.draw(rng, target)
         if rng.random() < self.config.occluder_share:
             close_up = close_up.with_occluder(rng, T_prev)
-        extents_pred = _disturb_extents(rng, target.extents, self.config)
-        seen_prev = self._see(rng, close_up, T_prev, extents_pred, T_prev)
-        seen_cur = self._see(rng, close_up, T_cur, extents_pred, T_prev)
+        factor = float(rng.choice(self.config.error_factors))
+        extents_pred = _disturb_extents(rng, target.extents, self.config, factor)
+        seen_prev = self._see(rng, close_up, T_prev, extents_pred, T_prev, factor)
+        seen_cur = self._see(rng, close_up, T_cur, extents_pred, T_prev, factor)
         if seen_prev is None or seen_cur is None:
             return None
         return self._assemble(rng, target, seen_prev, seen_cur)
@@ -137,13 +141,16 @@ class SyntheticPairs(Dataset[PairBatch]):
         T_cam_obj: np.ndarray,
         extents_pred: np.ndarray,
         T_cam_last: np.ndarray,
+        factor: float,
     ) -> _Seen | None:
         """One view, predicted from a disturbed last pose; None where too little is seen."""
         config = self.config
         K, size = _window(T_cam_last, close_up.target, config)
         rendering = close_up.render(T_cam_obj, K, size)
         frame = self.sensor.observe(rendering, K, rng)
-        T_cam_pred = _disturb(rng, T_cam_last, config)
+        T_cam_pred = _turn_and_shift(
+            rng, T_cam_last, factor * config.error_rotation, factor * config.error_translation
+        )
         view = make_view(frame, T_cam_pred, extents_pred, self.view, rng)
         if view is None:
             return None
@@ -164,77 +171,16 @@ class SyntheticPairs(Dataset[PairBatch]):
             target.category == "mug" and not handle_seen
         )
         truth = PairTruth(
-            T_cam_obj_prev=_tensor(previous.T_cam_obj),
-            T_cam_obj_cur=_tensor(current.T_cam_obj),
-            scale=_tensor(np.array(target.scale)),
+            T_cam_obj_prev=batch_of_one(previous.T_cam_obj),
+            T_cam_obj_cur=batch_of_one(current.T_cam_obj),
+            scale=batch_of_one(np.array(target.scale)),
             symmetric=torch.tensor([symmetric]),
             on_object_prev=torch.from_numpy(previous.on_object)[None],
             on_object_cur=torch.from_numpy(current.on_object)[None],
         )
-        return PairBatch(previous.view.batch, current.view.batch, _tensor(prior[chosen]), truth)
-
-
-class RepeatedPairs(Dataset[PairBatch]):
-    """An epoch of pairs seen again and again, each time with other points and other colours.
-
-    Rendering costs as much as a step of a small network; the pairs of an epoch are kept. What
-    number `index` gives depends on it and the seed alone.
-
-    Args:
-        pairs: the pairs, with more points than are to be given.
-        epoch: how many of them.
-        points: N, drawn anew each time.
-        prior_points: N_r, likewise.
-        count: length of this data set.
-    """
-
-    def __init__(
-        self, pairs: SyntheticPairs, epoch: int, points: int, prior_points: int, count: int
-    ) -> None:
-        self.pairs = pairs
-        self.epoch = epoch
-        self.points = points
-        self.prior_points = prior_points
-        self.count = count
-        self._kept: dict[int, PairBatch] = {}
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, index: int) -> PairBatch:
-        """Pair `index` modulo the epoch, drawn anew."""
-        number = index % self.epoch
-        if number not in self._kept:
-            self._kept[number] = self.pairs[number]
-        pair = self._kept[number]
-        rng = np.random.default_rng([self.pairs.seed, index, 1])
-        rows_prev, rows_cur = (
-            torch.from_numpy(rng.permutation(pair.previous.points.shape[1])[: self.points])
-            for _ in range(2)
-        )
-        rows_prior = torch.from_numpy(rng.permutation(pair.prior.shape[1])[: self.prior_points])
-        truth = replace(
-            pair.truth,
-            on_object_prev=pair.truth.on_object_prev[:, rows_prev],
-            on_object_cur=pair.truth.on_object_cur[:, rows_cur],
-        )
         return PairBatch(
-            _redrawn(pair.previous, rows_prev, rng),
-            _redrawn(pair.current, rows_cur, rng),
-            pair.prior[:, rows_prior],
-            truth,
+            previous.view.batch, current.view.batch, batch_of_one(prior[chosen]), truth
         )
-
-
-def _redrawn(view: ViewBatch, rows: Tensor, rng: np.random.Generator) -> ViewBatch:
-    """The view with these points alone and another white balance."""
-    balance = _tensor(rng.uniform(0.8, 1.2, (3, 1, 1)))
-    return replace(
-        view,
-        points=view.points[:, rows],
-        pixels=view.pixels[:, rows],
-        rgb=(view.rgb * balance).clamp(0, 1),
-    )
 
 
 def collate(pairs: Sequence[PairBatch]) -> PairBatch:
@@ -268,11 +214,6 @@ def _move(rng: np.random.Generator, T_cam_obj: np.ndarray, config: PairConfig) -
     )
 
 
-def _disturb(rng: np.random.Generator, T_cam_obj: np.ndarray, config: PairConfig) -> np.ndarray:
-    factor = 3.0 if rng.random() < 0.2 else 1.0
-    return _turn_and_shift(rng, T_cam_obj, factor * config.error_rotation, config.error_translation)
-
-
 def _turn_and_shift(
     rng: np.random.Generator, T_cam_obj: np.ndarray, angle: float, shift: float
 ) -> np.ndarray:
@@ -283,9 +224,9 @@ def _turn_and_shift(
 
 
 def _disturb_extents(
-    rng: np.random.Generator, extents: np.ndarray, config: PairConfig
+    rng: np.random.Generator, extents: np.ndarray, config: PairConfig, factor: float
 ) -> np.ndarray:
-    common = rng.normal(0, config.error_scale)
+    common = rng.normal(0, factor * config.error_scale)
     return extents * np.exp(common + rng.normal(0, config.error_shape, 3))
 
 
@@ -301,5 +242,6 @@ def _window(
     return np.array([[focal, 0, centre], [0, focal, centre], [0, 0, 1.0]]), size
 
 
-def _tensor(values: np.ndarray) -> Tensor:
+def batch_of_one(values: np.ndarray) -> Tensor:
+    """As float32 with a leading axis of one."""
     return torch.from_numpy(np.asarray(values, dtype=np.float32))[None]

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+import torch
+
+from robust6dof.errors import InputError
+from robust6dof.network.device import resolve_device
+from robust6dof.network.inputs import to_camera
+from robust6dof.tracking.view import ViewConfig
+from robust6dof.training.pairs import SyntheticPairs
+from robust6dof.training.repeated_pairs import RepeatedPairs
+
+POINTS = 64
+
+
+@pytest.fixture(scope="module")
+def repeated():
+    pairs = SyntheticPairs(ViewConfig(points=POINTS, crop_px=24), 40, seed=3, count=4)
+    return RepeatedPairs(pairs, epoch=2, points=POINTS, prior_points=40, count=8)
+
+
+def _cloud(pair):
+    view = pair.current
+    points = to_camera(view.points, view.T_cam_pred, view.scale)[0].double().numpy()
+    return points[np.lexsort(points.T)]
+
+
+def test_another_prediction_leaves_the_points_where_they_are(repeated):
+    """All the points are drawn, in another order, so that the clouds can be compared."""
+    first, again = repeated[1], repeated[3]
+    assert not torch.allclose(first.current.T_cam_pred, again.current.T_cam_pred, atol=1e-3)
+    assert not torch.allclose(first.current.scale, again.current.scale, atol=1e-4)
+    np.testing.assert_allclose(_cloud(first), _cloud(again), atol=1e-6)
+    torch.testing.assert_close(first.truth.T_cam_obj_cur, again.truth.T_cam_obj_cur)
+
+
+def test_the_drawn_prediction_stays_a_rigid_transform(repeated):
+    R = repeated[3].previous.T_cam_pred[0, :3, :3].double()
+    torch.testing.assert_close(R @ R.mT, torch.eye(3).double(), atol=1e-5, rtol=0)
+    assert torch.linalg.det(R) > 0.999
+
+
+def test_a_pair_depends_on_seed_and_index_alone(repeated):
+    other = RepeatedPairs(repeated.pairs, 2, POINTS, 40, 8)
+    torch.testing.assert_close(repeated[5].current.points, other[5].current.points)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device here")
+def test_cuda_without_a_device_is_refused():
+    assert resolve_device("auto") == "cpu"
+    with pytest.raises(InputError, match="--device cpu"):
+        resolve_device("cuda")
