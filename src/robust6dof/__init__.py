@@ -6,13 +6,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robust6dof.baselines.icp import IcpTracker
     from robust6dof.data import Video, read_video, register_depth
     from robust6dof.errors import DataError, InputError, Robust6dofError
     from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track, TrackState
     from robust6dof.robot.aerial_manipulator import AerialManipulator, default_aerial_manipulator
     from robust6dof.servo.goal import look_down_goal
     from robust6dof.servo.pad_servo import PadServo, ServoCommand
+    from robust6dof.tracking.surface.icp import IcpTracker
 
 __version__ = "0.1.0.dev0"
 
@@ -20,7 +20,7 @@ _HOMES = {
     "AerialManipulator": "robot.aerial_manipulator",
     "Box": "frames",
     "DataError": "errors",
-    "IcpTracker": "baselines.icp",
+    "IcpTracker": "tracking.surface.icp",
     "InputError": "errors",
     "PadServo": "servo.pad_servo",
     "PoseTracker": "frames",

@@ -18,10 +18,10 @@ from baselines.tabletop_scene import (
     look_at_object,
     make_tabletop,
 )
-from robust6dof.baselines.icp import IcpTracker
 from robust6dof.errors import InputError
 from robust6dof.frames import RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import axis_error, make_transform, rotation_error
+from robust6dof.tracking.surface.icp import IcpTracker
 
 NEAR = look_at_object(0.7, 0.7, 0.7)
 

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robust6dof.baselines.cloud import Cloud
-from robust6dof.baselines.registration import Evidence, Registration, Stage, independent, register
-from robust6dof.baselines.registration_target import RegistrationTarget, intensity_gradients
 from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
+from robust6dof.tracking.surface.cloud import Cloud
+from robust6dof.tracking.surface.registration import (
+    Evidence,
+    Registration,
+    Stage,
+    independent,
+    register,
+)
+from robust6dof.tracking.surface.registration_target import RegistrationTarget, intensity_gradients
 
 LOOSE = independent(1.0, 1.0)
 STAGES = [Stage(0.05, 20, color=False), Stage(0.02, 30)]

@@ -25,7 +25,7 @@ def make_tracker(name: str, category: str, *, seed: int = 0) -> PoseTracker:
 
 
 def _icp(category: str, seed: int) -> PoseTracker:
-    from robust6dof.baselines.icp import IcpTracker
+    from robust6dof.tracking.surface.icp import IcpTracker
 
     return IcpTracker(category, seed=seed)
 

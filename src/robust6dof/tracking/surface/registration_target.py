@@ -8,7 +8,7 @@ import numpy as np
 import small_gicp
 from jaxtyping import Float
 
-from robust6dof.baselines.cloud import Cloud
+from robust6dof.tracking.surface.cloud import Cloud
 
 _NEIGHBOURS = 12
 

@@ -8,6 +8,8 @@ import numpy as np
 import small_gicp
 from jaxtyping import Float, Int, Int64
 
+from robust6dof.geometry.transforms import transform_points
+
 _NEIGHBOURS = 10
 _KEY_BITS = 18
 _KEY_HALF = 1 << (_KEY_BITS - 1)
@@ -33,6 +35,11 @@ class Cloud:
 
     def __getitem__(self, index: np.ndarray | slice) -> Cloud:
         return Cloud(self.points[index], self.normals[index], self.intensity[index])
+
+    def moved(self, T_dst_src: Float[np.ndarray, "4 4"]) -> Cloud:
+        """In another frame."""
+        points = transform_points(T_dst_src, self.points)
+        return Cloud(points, self.normals @ T_dst_src[:3, :3].T, self.intensity)
 
     def joined(self, other: Cloud) -> Cloud:
         return Cloud(

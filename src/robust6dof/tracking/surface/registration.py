@@ -15,9 +15,9 @@ import numpy as np
 import small_gicp
 from jaxtyping import Float
 
-from robust6dof.baselines.cloud import Cloud
-from robust6dof.baselines.registration_target import RegistrationTarget
 from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
+from robust6dof.tracking.surface.cloud import Cloud
+from robust6dof.tracking.surface.registration_target import RegistrationTarget
 
 _CORRELATION = 10.0
 """Neighbouring depth pixels err together: so many points count as one independent."""

@@ -16,15 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robust6dof.baselines.cloud import Cloud
-from robust6dof.baselines.fit_quality import NOTHING_SEEN, FitQuality
-from robust6dof.baselines.frame_cut import cut_frame
-from robust6dof.baselines.icp_config import IcpConfig
-from robust6dof.baselines.icp_memory import IcpMemory, assess_surface, view_of, view_weight
-from robust6dof.baselines.registration import Evidence, Registration, Stage, independent, register
-from robust6dof.baselines.registration_target import RegistrationTarget
-from robust6dof.baselines.surface_model import SurfaceModel
-from robust6dof.baselines.surroundings import Surroundings
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import check_transform, invert_transform
@@ -33,6 +24,21 @@ from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount, StateRules, next_state
 from robust6dof.tracking.support_plane import Plane, find_support_plane
+from robust6dof.tracking.surface.cloud import Cloud
+from robust6dof.tracking.surface.fit_quality import NOTHING_SEEN, FitQuality
+from robust6dof.tracking.surface.frame_cut import cut_frame
+from robust6dof.tracking.surface.icp_config import IcpConfig
+from robust6dof.tracking.surface.icp_memory import IcpMemory, assess_surface, view_of, view_weight
+from robust6dof.tracking.surface.registration import (
+    Evidence,
+    Registration,
+    Stage,
+    independent,
+    register,
+)
+from robust6dof.tracking.surface.registration_target import RegistrationTarget
+from robust6dof.tracking.surface.surface_model import SurfaceModel
+from robust6dof.tracking.surface.surroundings import Surroundings
 
 _LEARNING_MARGIN = 0.02
 """How far outside the box a view's points are taken into the model, as a share of its diagonal."""
@@ -76,6 +82,9 @@ class IcpTracker:
         initial = find_initial_pose(
             frame, self.category, mask=mask, box=box, T_cam_obj=T_cam_obj, extents=extents
         )
+        return self._begun(frame, initial)
+
+    def _begun(self, frame: RgbdFrame, initial: InitialPose) -> Track:
         memory = self._first_memory(frame, initial)
         quality, _ = assess_surface(frame, initial.T_cam_obj, memory.surface)
         return Track(
@@ -125,7 +134,7 @@ class IcpTracker:
                 "no depth on the object in the first frame: check the start pose, the depth's "
                 "unit and that the object is in view"
             )
-        surface = blank.merged(view, view_weight(T_cam_obj))
+        surface = self._first_surface(blank, view, T_cam_obj)
         return IcpMemory(
             surface=surface,
             target=RegistrationTarget.build(surface.cloud),
@@ -134,6 +143,11 @@ class IcpTracker:
             motion=Motion.at_rest(),
             surroundings=Surroundings.seen_in(frame, T_cam_obj, extents, self.config.surroundings),
         )
+
+    def _first_surface(
+        self, blank: SurfaceModel, view: Cloud, T_cam_obj: np.ndarray
+    ) -> SurfaceModel:
+        return blank.merged(view, view_weight(T_cam_obj))
 
     def _prior(self, memory: IcpMemory, seconds: float) -> Float[np.ndarray, "6 6"]:
         """Doubt in constant velocity: what the acceleration can change in one step, and more

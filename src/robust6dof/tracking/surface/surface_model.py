@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from robust6dof.baselines.cloud import Cloud, sums, voxel_cells
+from robust6dof.tracking.surface.cloud import Cloud, sums, voxel_cells
 
 
 @dataclass(frozen=True, eq=False)

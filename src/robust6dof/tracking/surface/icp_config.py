@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robust6dof.baselines.frame_cut import CutConfig
-from robust6dof.baselines.surroundings import SurroundingsConfig
 from robust6dof.tracking.states import StateRules
+from robust6dof.tracking.surface.frame_cut import CutConfig
+from robust6dof.tracking.surface.surroundings import SurroundingsConfig
 
 
 @dataclass(frozen=True)

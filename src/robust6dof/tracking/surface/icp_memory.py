@@ -7,18 +7,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robust6dof.baselines.cloud import Cloud
-from robust6dof.baselines.fit_quality import FitQuality, assess
-from robust6dof.baselines.icp_config import IcpConfig
-from robust6dof.baselines.registration_target import RegistrationTarget
-from robust6dof.baselines.surface_model import SurfaceModel
-from robust6dof.baselines.surroundings import Surroundings
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.support_plane import Plane
+from robust6dof.tracking.surface.cloud import Cloud
+from robust6dof.tracking.surface.fit_quality import FitQuality, assess
+from robust6dof.tracking.surface.icp_config import IcpConfig
+from robust6dof.tracking.surface.registration_target import RegistrationTarget
+from robust6dof.tracking.surface.surface_model import SurfaceModel
+from robust6dof.tracking.surface.surroundings import Surroundings
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,8 @@ class IcpMemory:
     """Frames in a row in which the object was found away from its surroundings."""
     free_frames: int = 0
     """Frames since the surroundings were forgotten."""
+    surface_known: bool = False
+    """The surface is the object's CAD mesh: views add nothing to it."""
     frames: int = 1
     count: StateCount = field(default_factory=StateCount)
 
@@ -64,18 +66,16 @@ class IcpMemory:
         self, frame: RgbdFrame, T_cam_obj: np.ndarray, extents: np.ndarray, view: Cloud
     ) -> IcpMemory:
         """Take in a view of the object and of what is around it; drop what it sees through."""
-        _, refuted = assess_surface(frame, T_cam_obj, self.surface, every=1)
-        surface = self.surface.carved(refuted).merged(view, view_weight(T_cam_obj))
         around = self.surroundings
         if around is not None and self.own_motion == 0:
             around = around.with_view(around.cut(frame, T_cam_obj, extents))
-        return replace(
-            self,
-            surface=surface,
-            target=RegistrationTarget.build(surface.cloud),
-            keyframes=np.concatenate([self.keyframes, view_of(T_cam_obj)[None]]),
-            surroundings=around,
-        )
+        keyframes = np.concatenate([self.keyframes, view_of(T_cam_obj)[None]])
+        memory = replace(self, keyframes=keyframes, surroundings=around)
+        if self.surface_known:
+            return memory
+        _, refuted = assess_surface(frame, T_cam_obj, self.surface, every=1)
+        surface = self.surface.carved(refuted).merged(view, view_weight(T_cam_obj))
+        return replace(memory, surface=surface, target=RegistrationTarget.build(surface.cloud))
 
 
 def assess_surface(

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.baselines.cloud import Cloud, surface_cloud
-from robust6dof.baselines.frame_cut import grey_levels
-from robust6dof.baselines.registration_target import RegistrationTarget
-from robust6dof.baselines.surface_model import SurfaceModel
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.tracking.region import cut_region
+from robust6dof.tracking.surface.cloud import Cloud, surface_cloud
+from robust6dof.tracking.surface.frame_cut import grey_levels
+from robust6dof.tracking.surface.registration_target import RegistrationTarget
+from robust6dof.tracking.surface.surface_model import SurfaceModel
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robust6dof.baselines.cloud import Cloud, surface_cloud
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.tracking.region import cut_region, depth_noise
 from robust6dof.tracking.support_plane import Plane
+from robust6dof.tracking.surface.cloud import Cloud, surface_cloud
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Frame-to-model registration: follows whatever surface the first view showed."""
