@@ -269,6 +269,28 @@ def test_motion_blur_is_the_mean_over_the_exposure(twist: list[float]) -> None:
     assert np.quantile(error, 0.999) < 6.0
 
 
+def test_what_moves_is_blurred_by_its_own_motion() -> None:
+    """A wall that keeps up with the camera stays sharp; the same wall at rest does not."""
+    rendering = render(Scene([textured_wall(0.9)], ambient=(1, 1, 1)), SMALL_CAMERA)
+    twist, other = np.array([0.8, -0.5, 0, 0, 0.3, 0]), np.array([0, 0, 0, 0, 0, 2.0])
+    wall_id = int(rendering.ids.max())
+
+    def blurred(camera_twist: np.ndarray, **moving: np.ndarray) -> np.ndarray:
+        twists = {wall_id: moving["wall"]} if moving else None
+        return observe(
+            rendering,
+            PERFECT,
+            camera=SMALL_CAMERA,
+            camera_twist=camera_twist,
+            instance_twists=twists,
+            exposure_s=0.03,
+        ).rgb
+
+    np.testing.assert_array_equal(blurred(twist, wall=np.zeros(6)), rendering.rgb)
+    np.testing.assert_array_equal(blurred(twist, wall=other), blurred(other))
+    assert (blurred(twist) != rendering.rgb).mean() > 0.5
+
+
 def test_a_rolling_shutter_leans_with_the_row() -> None:
     rgb = np.zeros((480, 640, 3), np.uint8)
     rgb[:, 320:] = 255

@@ -13,18 +13,18 @@ _TAP_SPACING_PX = 1.5
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def average_along_flow(rgb, depth, K, twist, exposure_s, readout_s, blurred):
+def average_along_flow(rgb, depth, which, K, twists, exposure_s, readout_s, blurred):
     """Mean of bilinear samples along each pixel's path; see `blur_by_motion`.
 
     Args:
         rgb: [H, W, 3] uint8 at the middle of the exposure.
         depth: [H, W] float32 [m], positive.
-        K: [3, 3]; twist: [6] linear and angular velocity of the camera in its frame.
+        which: [H, W] uint8 row of `twists` that holds for each pixel.
+        K: [3, 3]; twists: [T, 6] linear and angular velocities of the camera in its frame.
         exposure_s, readout_s: shutter time and time from the first to the last row.
         blurred: [H, W, 3] uint8; written.
     """
     height, width = depth.shape
-    vx, vy, vz, wx, wy, wz = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
     fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
     for row in range(height):
         y = (row - cy) / fy
@@ -32,6 +32,9 @@ def average_along_flow(rgb, depth, K, twist, exposure_s, readout_s, blurred):
         for column in range(width):
             x = (column - cx) / fx
             w = 1.0 / depth[row, column]
+            k = which[row, column]
+            vx, vy, vz = twists[k, 0], twists[k, 1], twists[k, 2]
+            wx, wy, wz = twists[k, 3], twists[k, 4], twists[k, 5]
             flow_x = fx * ((x * vz - vx) * w + x * y * wx - (1.0 + x * x) * wy + y * wz)
             flow_y = fy * ((y * vz - vy) * w + (1.0 + y * y) * wx - x * y * wy - x * wz)
             length = exposure_s * np.sqrt(flow_x * flow_x + flow_y * flow_y)

@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
 from robust6dof.errors import InputError
 from robust6dof.frames import RgbdFrame
-from robust6dof.rendering.color_model import observe_color
+from robust6dof.rendering.color_model import STILL, observe_color
 from robust6dof.rendering.depth_model import observe_depth
 from robust6dof.rendering.scene import Camera, Rendering
 from robust6dof.rendering.sensor_config import StereoSensorConfig
@@ -31,6 +33,7 @@ class StereoSensor:
         rng: np.random.Generator,
         *,
         camera_twist: Float[np.ndarray, "6"] | None = None,
+        instance_twists: Mapping[int, Float[np.ndarray, "6"]] | None = None,
         exposure_s: float = 0.008,
         stamp: float | None = None,
         name: str = "",
@@ -43,6 +46,7 @@ class StereoSensor:
             rng: where all randomness comes from.
             camera_twist: velocity of the camera in its own frame, linear [m/s] then angular
                 [rad/s]; blurs the colour. None: at rest.
+            instance_twists: by `instance_id`, the same velocity relative to things that move.
             exposure_s: how long the colour shutter is open.
             stamp: time of the frame [s].
             name: name of the frame.
@@ -55,5 +59,8 @@ class StereoSensor:
         if exposure_s < 0:
             raise InputError(f"the exposure must not be negative, got {exposure_s} s")
         depth = observe_depth(rendering, camera.K, self.config, rng)
-        rgb = observe_color(rendering, camera.K, self.config, rng, camera_twist, exposure_s)
+        twists = (
+            {STILL: camera_twist, **(instance_twists or {})} if camera_twist is not None else {}
+        )
+        rgb = observe_color(rendering, camera.K, self.config, rng, twists, exposure_s)
         return RgbdFrame(rgb, depth, camera.K, stamp, name)

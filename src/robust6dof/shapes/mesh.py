@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -46,7 +47,7 @@ class ObjectModel:
     parameters: dict[str, float | str] = field(default_factory=dict)
     """What a procedural shape was drawn from."""
 
-    @property
+    @cached_property
     def extents(self) -> Float[np.ndarray, "3"]:
         """Side lengths of the bounding box [m]."""
         return np.ptp(self.mesh.vertices, axis=0)

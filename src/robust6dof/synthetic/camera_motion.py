@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,16 +87,6 @@ class CameraMotion:
         T_cam_aimed = make_transform(self._aim_rotation(t), np.zeros(3))
         return T_world_view @ T_view_cam @ T_cam_aimed
 
-    def twist_cam(
-        self, t: float, target_world: Float[np.ndarray, "3"], target_velocity: np.ndarray
-    ) -> Float[np.ndarray, "6"]:
-        """Linear and angular velocity of the camera in its own frame [m/s, rad/s]."""
-        before = self.T_world_cam(t - _STEP_S, target_world - _STEP_S * target_velocity)
-        after = self.T_world_cam(t + _STEP_S, target_world + _STEP_S * target_velocity)
-        T_before_after = invert_transform(before) @ after
-        rotvec = Rotation.from_matrix(T_before_after[:3, :3]).as_rotvec()
-        return np.concatenate([T_before_after[:3, 3], rotvec]) / (2 * _STEP_S)
-
     def _nominal_view(
         self, t: float, distance: float, target_world: Float[np.ndarray, "3"]
     ) -> Float[np.ndarray, "4 4"]:
@@ -125,6 +116,18 @@ class CameraMotion:
         right = self.aim[0](t) + away * np.cos(self.leave_direction)
         down = self.aim[1](t) + away * np.sin(self.leave_direction)
         return Rotation.from_rotvec([-down, right, 0.0]).as_matrix()
+
+
+def twist_along(
+    T_ref_cam: Callable[[float], Float[np.ndarray, "4 4"]], t: float
+) -> Float[np.ndarray, "6"]:
+    """Linear and angular velocity of a camera in its own frame [m/s, rad/s], from its motion.
+
+    Central difference of `T_ref_cam` at time `t` [s].
+    """
+    T_before_after = invert_transform(T_ref_cam(t - _STEP_S)) @ T_ref_cam(t + _STEP_S)
+    rotvec = Rotation.from_matrix(T_before_after[:3, :3]).as_rotvec()
+    return np.concatenate([T_before_after[:3, 3], rotvec]) / (2 * _STEP_S)
 
 
 def _draw_swing(

@@ -21,6 +21,8 @@ from robust6dof.shapes.procedural import make_object
 from robust6dof.shapes.textures import any_pattern
 
 TARGET_ID = 1
+OCCLUDER_ID = 99
+"""`instance_id` of what comes between camera and target."""
 _CLUTTER_POOL = 40
 
 
@@ -74,7 +76,7 @@ class CloseUp:
         stretched = mesh.vertices * size * rng.uniform(0.3, 1.6, 3)
         R = Rotation.random(rng=rng).as_matrix()
         occluder = TexturedMesh(stretched, mesh.faces, mesh.uv, mesh.texture, mesh.material)
-        return self._with(MeshInstance(occluder, make_transform(R, place), 99))
+        return self._with(MeshInstance(occluder, make_transform(R, place), OCCLUDER_ID))
 
     def render(
         self, T_cam_obj: Float[np.ndarray, "4 4"], K: Float[np.ndarray, "3 3"], size_px: int

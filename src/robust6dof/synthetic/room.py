@@ -108,17 +108,19 @@ def draw_table(rng: np.random.Generator) -> Support:
     return Support((top, joined(legs)), T_world_support, surface, moves=False)
 
 
-def draw_cart(rng: np.random.Generator) -> Support:
-    """A low ground vehicle with a flat top."""
-    side, yaw = rng.uniform(0.45, 0.6), rng.uniform(-np.pi, np.pi)
-    top = placed(box((side, side, 0.02), table_texture(rng), tile=0.5), 0.0, 0.0, _CART_TOP - 0.01)
-    hull = placed(box((0.8 * side, 0.7 * side, 0.1), plain(60, 72, 90)), 0.0, 0.0, 0.14)
+def draw_cart(rng: np.random.Generator, side: tuple[float, float] = (0.45, 0.6)) -> Support:
+    """A low ground vehicle with a flat square top, its side drawn from the range `side` [m]."""
+    width, yaw = rng.uniform(*side), rng.uniform(-np.pi, np.pi)
+    top = placed(
+        box((width, width, 0.02), table_texture(rng), tile=0.5), 0.0, 0.0, _CART_TOP - 0.01
+    )
+    hull = placed(box((0.8 * width, 0.7 * width, 0.1), plain(60, 72, 90)), 0.0, 0.0, 0.14)
     on_side = Rotation.from_euler("x", 90, degrees=True).as_matrix()
     wheel = cylinder(0.07, 0.04, plain(25, 25, 28))
-    places = [(x * 0.3 * side, y * 0.4 * side) for x in (-1, 1) for y in (-1, 1)]
+    places = [(x * 0.3 * width, y * 0.4 * width) for x in (-1, 1) for y in (-1, 1)]
     wheels = [moved(wheel, make_transform(on_side, np.array([x, y, 0.07]))) for x, y in places]
     T_world_support = make_transform(Rotation.from_euler("z", yaw).as_matrix(), np.zeros(3))
-    surface = Surface((0.0, 0.0), (side, side), _CART_TOP, yaw)
+    surface = Surface((0.0, 0.0), (width, width), _CART_TOP, yaw)
     return Support((top, hull, joined(wheels)), T_world_support, surface, moves=True)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import invert_transform, transform_points
-from robust6dof.rendering.scene import Rendering
+from robust6dof.rendering.rasteriser import NEAR_M, render_depth
+from robust6dof.rendering.scene import Camera, MeshInstance, Rendering, Scene
+from robust6dof.shapes.mesh import TexturedMesh
 
 HANDLE_SHARE = 0.01
 """A mug's handle counts as visible from this share of the mug's visible pixels."""
@@ -36,3 +38,35 @@ def handle_visible(points_obj: Float[np.ndarray, "P 3"], extents: Float[np.ndarr
     axis_x = -extents[0] / 2 + radius
     beyond = np.hypot(points_obj[:, 0] - axis_x, points_obj[:, 2]) > 1.06 * radius
     return bool((beyond & (points_obj[:, 0] > axis_x)).mean() >= HANDLE_SHARE)
+
+
+def whole_silhouette(
+    mesh: TexturedMesh, T_cam_obj: Float[np.ndarray, "4 4"], camera: Camera
+) -> int:
+    """Pixels that the object alone would cover, those beyond the image's edges counted in.
+
+    They are counted on the image's own pixel grid, continued to the object's outline but at most
+    one image further on each side.
+    """
+    low, high = _outline_box(transform_points(T_cam_obj, mesh.vertices), camera)
+    if (low >= high).any():
+        return 0
+    K = camera.K.copy()
+    K[:2, 2] -= low
+    alone = Scene([MeshInstance(mesh, T_cam_obj, 1)])
+    width, height = (int(side) for side in high - low)
+    _, ids = render_depth(alone, Camera(K, width, height, np.eye(4)))
+    return int(ids.sum())
+
+
+def _outline_box(
+    points_cam: Float[np.ndarray, "V 3"], camera: Camera
+) -> tuple[Int[np.ndarray, "2"], Int[np.ndarray, "2"]]:
+    """First and last-plus-one pixel (column, row) of what may be covered."""
+    size = np.array([camera.width, camera.height])
+    if points_cam[:, 2].min() <= NEAR_M:
+        return -size, 2 * size
+    pixels = points_cam @ camera.K[:2].T / points_cam[:, 2:]
+    low = np.clip(np.floor(pixels.min(axis=0)), -size, 2 * size)
+    high = np.clip(np.ceil(pixels.max(axis=0)) + 1, -size, 2 * size)
+    return low.astype(np.int64), high.astype(np.int64)
