@@ -18,7 +18,6 @@ from robust6dof.data.track_file import read_tracks
 from robust6dof.data.truth_file import FILE_NAME, open_with_truth, read_truth_file
 from robust6dof.errors import DataError, InputError
 from robust6dof.evaluation.predict import RunInfo, predict, predict_sequence
-from robust6dof.evaluation.protocols import PROTOCOLS
 from robust6dof.evaluation.run_records import records_of_run
 
 
@@ -59,12 +58,12 @@ def test_truth_file_with_a_bad_line_is_refused(tmp_path):
 def test_a_tracker_is_told_its_start_and_nothing_more(data):
     trackers = []
 
-    def make(category):
+    def make(category, cad):
         trackers.append(StandingTracker(category))
         return trackers[-1]
 
     sequence = open_with_truth(data).sequence("a")
-    outcome = predict_sequence(sequence, make, PROTOCOLS["ycbv-auc"], data.parent / "run" / "a")
+    outcome = predict_sequence(sequence, make, info(data), data.parent / "run" / "a")
     mug, can = trackers
     assert outcome.started == {"mug_0": "000000", "can_0": "000001"}
     assert [len(t.hints) for t in trackers] == [1, 1]
@@ -137,8 +136,11 @@ def test_a_tracker_that_cannot_start_leaves_its_frames_missing(data):
         def start(self, frame, **hints):
             raise InputError("no depth on the object")
 
+    def make(category, cad):
+        return (Refusing if category == "can" else StandingTracker)(category)
+
     run = data.parent / "run"
-    list(predict(lambda c: (Refusing if c == "can" else StandingTracker)(c), info(data), run))
+    list(predict(make, info(data), run))
     done = json.loads((run / "a" / "done.json").read_text())
     assert done["failed"] == {"can_0": "no depth on the object"}
     records = records_of_run(run, open_with_truth(data))
@@ -147,7 +149,7 @@ def test_a_tracker_that_cannot_start_leaves_its_frames_missing(data):
 
 def test_several_workers_store_the_same(data):
     for run, workers in (("one", 1), ("two", 2)):
-        list(predict(make_standing, info(data), Path(data.parent / run), workers=workers))
+        list(predict(make_standing, info(data), Path(data.parent / run), processes=workers))
     for name in ("a", "b"):
         files = [data.parent / run / name / "can_0" / "track.jsonl" for run in ("one", "two")]
         first, second = ([r.track.T_cam_obj for r in read_tracks(file)] for file in files)

@@ -22,21 +22,71 @@ class Options(CommonOptions):
     """How the tracker is started."""
     out: Path
     """Folder of the run; a run that was cut short goes on where it stopped."""
+    weights: Path | None = None
+    """Weights (.safetensors) of the network's trackers (default: the shipped ones)."""
+    meshes: Path | None = None
+    """CAD meshes for oracle-icp, in the data set's object frames (default: models/ or meshes/ in
+    the data set)."""
     sequences: tuple[str, ...] = ()
-    """Only these, to share a data set out over machines (default: all)."""
-    workers: int = 1
-    """Sequences followed at the same time, each in a process of its own."""
+    """Only these (default: all)."""
+    shard: str = "0/1"
+    """Part i of n, as i/n with i from 0: how a job array shares a data set out over machines that
+    write to one folder."""
+    processes: int = 1
+    """Sequences followed at the same time."""
+    every: int = 1
+    """Show the tracker each n-th frame only, and score it on these."""
+    most: int | None = None
+    """Use at most so many frames of each sequence."""
+    drop: int = 0
+    """Leave out so many frames after each sequence's first."""
+    init_noise: float = 0.0
+    """The paper's Init×n: further noise on the first pose, n times CAPTRA's."""
+    all_noise: float = 0.0
+    """The paper's All×n: such noise on every pose that the tracker steps from."""
 
 
 def run(options: Options) -> None:
     """Follow everything, saying which sequence is done."""
     from functools import partial
 
-    from robust6dof.baselines.registry import make_tracker
+    from robust6dof.baselines.registry import REMARKS, make_tracker
     from robust6dof.evaluation.predict import RunInfo, predict
 
-    info = RunInfo(options.tracker, options.protocol, str(options.data.resolve()), options.seed)
-    make = partial(make_tracker, options.tracker, seed=options.seed)
-    for name in predict(make, info, options.out, options.sequences, options.workers):
+    info = RunInfo(
+        options.tracker,
+        options.protocol,
+        str(options.data.resolve()),
+        options.seed,
+        weights=str(options.weights.resolve()) if options.weights else "",
+        remark=REMARKS.get(options.tracker, ""),
+        meshes=str(options.meshes.resolve()) if options.meshes else "",
+        every=options.every,
+        drop=options.drop,
+        most=options.most,
+        init_noise=options.init_noise,
+        all_noise=options.all_noise,
+    )
+    make = partial(
+        make_tracker,
+        options.tracker,
+        seed=options.seed,
+        weights=options.weights,
+        device=options.device,
+    )
+    if info.remark:
+        print(f"note: {info.remark}")
+    shard = _shard(options.shard)
+    for name in predict(make, info, options.out, options.sequences, options.processes, shard):
         print(f"{name}: done", flush=True)
     print(f"written: {options.out}")
+
+
+def _shard(text: str) -> tuple[int, int]:
+    """(i, n) of "i/n"."""
+    from robust6dof.errors import InputError
+
+    part, _, count = text.partition("/")
+    if not (part.isdecimal() and count.isdecimal() and int(part) < int(count)):
+        raise InputError(f"'{text}' does not read --shard i/n with i from 0 to n − 1")
+    return int(part), int(count)

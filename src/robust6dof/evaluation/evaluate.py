@@ -12,8 +12,11 @@ from robust6dof.data.dataset import Dataset
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError
 from robust6dof.evaluation.detections import Image
+from robust6dof.evaluation.frame_choice import FrameChoice
 from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
+from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.model_points import read_model_points
+from robust6dof.evaluation.predict import RunInfo
 from robust6dof.evaluation.protocols import Protocol
 from robust6dof.evaluation.protocols.nocs_map import score_images
 from robust6dof.evaluation.protocols.ycbineoat_auc import align_first_frame
@@ -22,6 +25,9 @@ from robust6dof.evaluation.result_formats import BopCsv, ObInCam, SixPackText, r
 from robust6dof.evaluation.run_records import make_records, read_run_info, records_of_run
 from robust6dof.evaluation.scores import Scores
 
+_SPARSE = 3
+_MOST_BOOTSTRAPPED = 20_000
+"""Records: above this the bootstrap would take longer than the tracking."""
 FORMATS = ("run", "icg", "nocs", "6pack", "ob_in_cam", "bop")
 
 
@@ -34,6 +40,8 @@ class Stored:
     records: Sequence[PoseRecord] = ()
     images: Sequence[Image] = field(default=())
     """Instead of records, where predictions are not assigned to truths (NOCS results)."""
+    remarks: tuple[str, ...] = ()
+    """What must be said beside the figures."""
 
 
 def recognise_format(path: Path) -> str:
@@ -85,12 +93,26 @@ def read_stored(
         raise InputError(f"poses in the format '{form}' bring no truth: give --data")
     dataset = open_with_truth(place, with_masks=False)
     if info is not None:
+        dataset = info.frames.of(dataset)
         records = records_of_run(path, dataset, protocol.keyframes_only)
         name = f"{info.tracker} (started as {info.protocol})"
         tracker = info.tracker if info.protocol == protocol.name else name
-        return [Stored(method or tracker, dataset.name, records)]
+        return [Stored(method or tracker, dataset.name, records, remarks=_remarks(info))]
     records = _foreign_records(path, form, dataset, protocol)
     return [Stored(method or path.stem, dataset.name, records)]
+
+
+def _remarks(info: RunInfo) -> tuple[str, ...]:
+    """What of a run's making must be said beside its figures."""
+    remarks = [info.remark] if info.remark else []
+    if info.frames != FrameChoice():
+        remarks.append(
+            f"only part of the frames: every {info.every}., {info.drop} dropped after the first, "
+            f"{'no bound' if info.most is None else f'at most {info.most}'} on their number"
+        )
+    if info.init_noise or info.all_noise:
+        remarks.append(f"pose noise: Init×{info.init_noise:g}, All×{info.all_noise:g}")
+    return tuple(remarks)
 
 
 def _foreign_records(
@@ -129,11 +151,33 @@ def score_stored(
     else:
         records = align_first_frame(stored.records) if align_first else stored.records
         if protocol.needs_models:
-            points = _points(records, models, point_stride)
-            scores = _say_stride(protocol.score(records, points), point_stride)
+            scores = _score_points(records, protocol, models, point_stride)
         else:
-            scores = protocol.score(records)
-    return replace(scores, data=stored.data, tracker=stored.tracker)
+            scores = _with_interval(protocol.score(records), records, protocol)
+    notes = (*scores.notes, *stored.remarks)
+    return replace(scores, data=stored.data, tracker=stored.tracker, notes=notes)
+
+
+def _with_interval(scores: Scores, records: Sequence[PoseRecord], protocol: Protocol) -> Scores:
+    """With the bootstrap over sequences, where the protocol has none of its own."""
+    if "interval95" in scores.details or len(records) > _MOST_BOOTSTRAPPED:
+        return scores
+    interval = bootstrap_interval(records, lambda drawn: protocol.score(drawn).mean)
+    sequences = len({record.sequence for record in records})
+    details = scores.details | {"sequences": sequences, "interval95": interval}
+    return replace(scores, details=details)
+
+
+def _score_points(
+    records: Sequence[PoseRecord], protocol: Protocol, models: Path | None, stride: int
+) -> Scores:
+    """ADD and ADD-S, with all model points and, since ADD-S depends on their density, with every
+    third one too."""
+    scores = _say_stride(protocol.score(records, _points(records, models, stride)), stride)
+    if stride != 1:
+        return scores
+    sparse = protocol.score(records, _points(records, models, _SPARSE)).mean
+    return replace(scores, details=scores.details | {"every_third_point": sparse})
 
 
 def _score_images(images: Sequence[Image], protocol: Protocol) -> Scores:

@@ -19,7 +19,6 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,14 +26,18 @@ from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
 from robust6dof.data.track_file import TrackWriter
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError, Robust6dofError
+from robust6dof.evaluation.cad_models import find_cad_mesh
+from robust6dof.evaluation.frame_choice import FrameChoice
 from robust6dof.evaluation.protocols import Protocol, find_protocol
-from robust6dof.frames import RgbdFrame, Track
+from robust6dof.evaluation.start_noise import PoseNoiseTracker
+from robust6dof.frames import PoseTracker, RgbdFrame, Track
 
 MIN_START_VISIBILITY = 0.1
 """A track starts on the first frame in which this share of the object is in view."""
 
-MakeTracker = Callable[[str], Any]
-"""Category → a PoseTracker; picklable (a function or a partial of one) for several workers."""
+MakeTracker = Callable[..., PoseTracker]
+"""(category, cad=…) → a tracker; picklable (a function or a partial of one) for several workers.
+`cad` gives the object's mesh to the trackers that are allowed one."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,25 @@ class RunInfo:
     protocol: str
     data: str
     seed: int
+    weights: str = ""
+    """File of the network's weights; empty where there is none, or the shipped ones."""
+    remark: str = ""
+    """What must be said beside the figures."""
+    meshes: str = ""
+    """Folder with the meshes that were given to a tracker that is given one."""
+    every: int = 1
+    drop: int = 0
+    most: int | None = None
+    """See `FrameChoice`."""
+    init_noise: float = 0.0
+    """n of the paper's Init×n: further noise on the first pose."""
+    all_noise: float = 0.0
+    """n of its All×n: noise on every pose that the tracker steps from."""
+
+    @property
+    def frames(self) -> FrameChoice:
+        """Which frames were shown."""
+        return FrameChoice(self.every, self.drop, self.most)
 
 
 @dataclass(frozen=True)
@@ -64,12 +86,21 @@ def predict(
     info: RunInfo,
     out: Path,
     sequences: Sequence[str] = (),
-    workers: int = 1,
+    processes: int = 1,
+    shard: tuple[int, int] = (0, 1),
 ) -> Iterator[str]:
     """Follow every object of every sequence; yields the name of each sequence when it is done.
 
     Sequences that are finished in `out` are skipped, so that a run can be taken up again, or
-    shared out over machines by `sequences`.
+    shared out over machines by `shard`.
+
+    Args:
+        make_tracker: makes the tracker of one object.
+        info: what the run is, and is known again by.
+        out: its folder.
+        sequences: only these; all if empty.
+        processes: at the same time.
+        shard: (i, n): each n-th sequence from the i-th on.
 
     Raises:
         DataError: the data set cannot be read.
@@ -77,16 +108,16 @@ def predict(
     """
     find_protocol(info.protocol)
     _claim(out, info)
-    dataset = open_with_truth(info.data)
+    dataset = _dataset(info.data, info.frames)
     names = list(sequences) or [sequence.name for sequence in dataset.sequences]
-    names = [dataset.sequence(name).name for name in names]
+    names = [dataset.sequence(name).name for name in names][shard[0] :: shard[1]]
     pending = [name for name in names if not (out / name / "done.json").is_file()]
     job = partial(_predict_named, make_tracker=make_tracker, info=info, out=out)
-    if workers <= 1 or len(pending) <= 1:
+    if processes <= 1 or len(pending) <= 1:
         yield from map(job, pending)
         return
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn) as pool:
+    with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
         yield from pool.map(job, pending)
 
 
@@ -102,14 +133,13 @@ def _claim(out: Path, info: RunInfo) -> None:
 
 
 @lru_cache(maxsize=1)
-def _dataset(path: str) -> Dataset:
-    return open_with_truth(path)
+def _dataset(path: str, frames: FrameChoice) -> Dataset:
+    return frames.of(open_with_truth(path))
 
 
 def _predict_named(name: str, make_tracker: MakeTracker, info: RunInfo, out: Path) -> str:
-    sequence = _dataset(info.data).sequence(name)
-    protocol = find_protocol(info.protocol)
-    outcome = predict_sequence(sequence, make_tracker, protocol, out / name, info.seed)
+    sequence = _dataset(info.data, info.frames).sequence(name)
+    outcome = predict_sequence(sequence, make_tracker, info, out / name)
     (out / name).mkdir(parents=True, exist_ok=True)
     (out / name / "done.json").write_text(json.dumps(asdict(outcome), indent=1) + "\n")
     return name
@@ -118,9 +148,8 @@ def _predict_named(name: str, make_tracker: MakeTracker, info: RunInfo, out: Pat
 def predict_sequence(
     sequence: DatasetSequence,
     make_tracker: MakeTracker,
-    protocol: Protocol,
+    info: RunInfo,
     out: Path,
-    seed: int = 0,
 ) -> SequenceOutcome:
     """Follow each object from the first frame that shows it to the end of the sequence.
 
@@ -129,6 +158,7 @@ def predict_sequence(
         InputError: there is no such tracker, or none for such a category.
     """
     began = time.perf_counter()
+    protocol = find_protocol(info.protocol)
     following: dict[str, Follower] = {}
     failed: dict[str, str] = {}
     with ExitStack() as files:
@@ -138,8 +168,8 @@ def predict_sequence(
                 follower.step(frame)
             for truth in _showing(sequence.truth(index), following.keys() | failed.keys()):
                 key = zlib.crc32(f"{sequence.name}/{truth.name}".encode())
-                rng = np.random.default_rng([seed, key])
-                tracker = make_tracker(truth.category)
+                rng = np.random.default_rng([info.seed, key])
+                tracker = _tracker(make_tracker, info, sequence, truth, rng)
                 try:
                     follower = Follower.start(tracker, protocol, frame, truth, rng)
                 except Robust6dofError as error:
@@ -150,6 +180,22 @@ def predict_sequence(
                 following[truth.name] = follower
     started = {name: follower.first_frame for name, follower in following.items()}
     return SequenceOutcome(len(sequence), time.perf_counter() - began, started, failed)
+
+
+def _tracker(
+    make_tracker: MakeTracker,
+    info: RunInfo,
+    sequence: DatasetSequence,
+    truth: ObjectTruth,
+    rng: np.random.Generator,
+) -> PoseTracker:
+    """The tracker for one object, with the noise that the run asks for."""
+    root = Path(info.data)
+    folders = ((Path(info.meshes),) if info.meshes else ()) + (root / "models", root / "meshes")
+    tracker = make_tracker(truth.category, cad=partial(find_cad_mesh, sequence, truth, folders))
+    if info.init_noise or info.all_noise:
+        return PoseNoiseTracker(tracker, rng.spawn(1)[0], info.init_noise, info.all_noise)
+    return tracker
 
 
 def _showing(truths: Iterable[ObjectTruth], known: Set[str]) -> list[ObjectTruth]:
@@ -167,7 +213,7 @@ def _showing(truths: Iterable[ObjectTruth], known: Set[str]) -> list[ObjectTruth
 class Follower:
     """One object being followed through one sequence, and its growing file."""
 
-    tracker: Any
+    tracker: PoseTracker
     track: Track
     first_frame: str
     ms: float
@@ -176,7 +222,7 @@ class Follower:
 
     @staticmethod
     def start(
-        tracker: Any,
+        tracker: PoseTracker,
         protocol: Protocol,
         frame: RgbdFrame,
         truth: ObjectTruth,

@@ -39,6 +39,9 @@ def markdown(scores: Sequence[Scores]) -> str:
         if "object_mean" in one.details:
             remark = "unweighted mean of the objects"
             rows.append((f"**{one.tracker}**", one.details["object_mean"], remark))
+        if "every_third_point" in one.details:
+            remark = "pooled, measured with every third model point"
+            rows.append((f"**{one.tracker}**", one.details["every_third_point"], remark))
     for line in PUBLISHED.get(first.protocol, ()):
         rows.append((line.method, line.figures, line.remark or "published"))
     iou = f", IoU `{first.iou}`" if first.iou else ""

@@ -1,0 +1,58 @@
+"""The mesh of an object of a data set: for the trackers that are given one, and say so."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from robust6dof.data.dataset import DatasetSequence, ObjectTruth
+from robust6dof.data.recordings import RecordingSequence
+from robust6dof.data.truth_file import TruthFileSequence
+from robust6dof.errors import InputError
+from robust6dof.evaluation.frame_choice import ChosenFrames
+from robust6dof.shapes.loading import MESH_SUFFIXES, load_mesh
+from robust6dof.shapes.mesh import TexturedMesh
+from robust6dof.shapes.procedural import make_object
+
+
+def find_cad_mesh(
+    sequence: DatasetSequence, truth: ObjectTruth, folders: tuple[Path, ...]
+) -> TexturedMesh:
+    """The object's mesh, centred on its box.
+
+    Looked for as `<object>.<suffix>` or `<object>/textured.obj` in the folders, in the object
+    frame of the data set; a synthetic recording of a procedural shape draws it again.
+
+    Raises:
+        InputError: there is none.
+        DataError: it cannot be read.
+    """
+    for folder in folders:
+        for name in (truth.name, truth.category):
+            files = [folder / f"{name}{suffix}" for suffix in MESH_SUFFIXES]
+            for path in (*files, folder / name / "textured.obj"):
+                if path.is_file():
+                    mesh = load_mesh(path)
+                    return replace(mesh, vertices=mesh.vertices - truth.box_center)
+    drawn = _procedural_shape(sequence)
+    if drawn is None:
+        raise InputError(
+            f"there is no mesh of {truth.name} in {sequence.name}: name a folder with "
+            f"{truth.category}.ply or {truth.category}/textured.obj by --meshes"
+        )
+    return drawn
+
+
+def _procedural_shape(sequence: DatasetSequence) -> TexturedMesh | None:
+    """Of the recordings that `robust6dof synthesize aerial` makes."""
+    if isinstance(sequence, ChosenFrames):
+        return _procedural_shape(sequence.whole)
+    recording = sequence.recording if isinstance(sequence, TruthFileSequence) else sequence
+    if not isinstance(recording, RecordingSequence):
+        return None
+    path = recording.video.path / "plan.json"
+    plan = json.loads(path.read_text()) if path.is_file() else {}
+    if "shape_seed" not in plan or plan.get("mesh"):
+        return None
+    return make_object(plan["category"], plan["shape_seed"]).mesh
