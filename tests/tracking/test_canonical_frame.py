@@ -112,9 +112,7 @@ def test_the_yaw_of_a_symmetric_object_is_left_alone() -> None:
         spun = T_MODEL_OBJ @ make_transform(
             Rotation.from_euler("y", rng.uniform(0, 6.28)).as_matrix(), np.zeros(3)
         )
-        frame = frame.with_look(
-            T_cam_model, T_cam_model @ spun, SCALE, symmetric=True, seconds=0.0
-        )
+        frame = frame.with_look(T_cam_model, T_cam_model @ spun, SCALE, symmetric=True, seconds=0.0)
     T = frame.T_model_obj
     assert axis_error(T[:3, :3], T_MODEL_OBJ[:3, :3]) < axis_error(
         start.T_model_obj[:3, :3], T_MODEL_OBJ[:3, :3]

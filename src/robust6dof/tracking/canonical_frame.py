@@ -34,6 +34,9 @@ class Doubt:
 ROUGH_START = Doubt(np.deg2rad(5.0), 0.03, 0.12)
 """A start as category-level detectors give it (the "Pert." noise of the field's protocols)."""
 
+ESTIMATED_START = Doubt(np.deg2rad(12.0), 0.02, 0.15)
+"""A start that was fitted to the first frame's depth."""
+
 EXACT_START = Doubt(0.0, 0.0, 0.0)
 """A start that is true, as some protocols give it."""
 
@@ -52,7 +55,7 @@ class CanonicalFrameConfig:
     """Views whose directions differ by less are one side [rad]."""
     looks: int = 15
     """A side's opinion is a running mean over so many looks."""
-    few_looks: float = 4.0
+    few_looks: float = 1.5
     """A side with as many looks counts half."""
     slip_rotation: float = np.deg2rad(0.2)
     """By how much old opinions lose certainty: the surface may slip on the object [rad/s], …"""
@@ -124,6 +127,21 @@ class CanonicalFrame:
         look = Opinion(T_seen, scale, direction, seconds)
         return replace(self, sides=self._sides_with(look))._solved(seconds)
 
+    def rebased(self) -> CanonicalFrame:
+        """The same, the model frame moved to where the object's is now."""
+        T_new_old = invert_transform(self.T_model_obj)
+        R_new_old = T_new_old[:3, :3]
+
+        def moved(opinion: Opinion) -> Opinion:
+            return replace(
+                opinion,
+                T_model_obj=T_new_old @ opinion.T_model_obj,
+                direction=R_new_old @ opinion.direction,
+            )
+
+        sides = tuple(moved(side) for side in self.sides)
+        return replace(self, T_model_obj=np.eye(4), start=moved(self.start), sides=sides)
+
     def _sides_with(self, look: Opinion) -> tuple[Opinion, ...]:
         cosines = [float(side.direction @ look.direction) for side in self.sides]
         nearest = int(np.argmax(cosines)) if cosines else -1
@@ -190,5 +208,5 @@ def _with_axis(
     R: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3 3"]:
     """R turned by the least angle that brings its y axis to `axis`."""
-    turn, _ = Rotation.align_vectors(axis[None], R[:, 1][None])
+    turn = Rotation.align_vectors(axis[None], R[:, 1][None])[0]
     return turn.as_matrix() @ R

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.geometry.transforms import invert_transform
+from robust6dof.geometry.transforms import invert_transform, rotation_error
 from robust6dof.network.inputs import ViewFeatures
 
 
@@ -64,8 +64,7 @@ class KeyframeMemory:
 
 
 def _angle(T_a: np.ndarray, T_b: np.ndarray) -> float:
-    cosine = (np.trace(T_a[:3, :3] @ T_b[:3, :3].T) - 1.0) / 2.0
-    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return float(rotation_error(T_a[:3, :3], T_b[:3, :3]))
 
 
 def _most_redundant(keyframes: list[Keyframe]) -> int:

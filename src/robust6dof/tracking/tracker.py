@@ -1,4 +1,12 @@
-"""Robust6DoF as a tracker: the network, its matches, a memory of views and the canonical anchor."""
+"""Robust6DoF as a tracker: the network says what and where, registration follows the surface.
+
+Each frame:
+
+1. The surface seen so far is registered to the frame, from the motion's prediction.
+2. Where that fails, the network's keypoint matches with past views say where to try again.
+3. The frame's canonical anchor is one more opinion of where the object's frame lies on that
+   surface (see `canonical_frame`): so a rough start is corrected and a slip does not stay.
+"""
 
 from __future__ import annotations
 
@@ -9,47 +17,66 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from robust6dof.errors import InputError
-from robust6dof.frames import SYMMETRIC_CATEGORIES, Box, RgbdFrame, Track, TrackState
-from robust6dof.network.inputs import PriorFeatures, ViewFeatures
-from robust6dof.network.robust6dof_net import Robust6DofNet
-from robust6dof.shapes.priors import load_prior
-from robust6dof.tracking.confidence import ConfidenceModel
+from robust6dof.frames import Box, RgbdFrame, Track, TrackState
+from robust6dof.geometry.transforms import invert_transform
+from robust6dof.network.inputs import ViewFeatures
+from robust6dof.solver.absolute import AbsoluteFit
+from robust6dof.tracking.canonical_frame import (
+    ESTIMATED_START,
+    ROUGH_START,
+    CanonicalFrame,
+    CanonicalFrameConfig,
+    Doubt,
+)
+from robust6dof.tracking.confidence import TRACK_CONFIDENCE, ConfidenceModel, track_evidence
+from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.first_look import FirstLookConfig, look_around
 from robust6dof.tracking.initialisation import find_initial_pose
-from robust6dof.tracking.joint_pose import JointPose, JointPoseConfig, solve_joint_pose
+from robust6dof.tracking.joint_pose import JointPoseConfig, solve_joint_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion, seconds_between
-from robust6dof.tracking.pretrained import load_pretrained
 from robust6dof.tracking.states import StateCount, StateRules, next_state
-from robust6dof.tracking.view import ViewConfig, make_view
+from robust6dof.tracking.surface.icp import IcpTracker
+from robust6dof.tracking.surface.icp_config import IcpConfig
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """How the network is used."""
+    """How network and registration work together."""
 
+    surface: IcpConfig = field(default_factory=IcpConfig)
+    canonical: CanonicalFrameConfig = field(default_factory=CanonicalFrameConfig)
     pose: JointPoseConfig = field(default_factory=JointPoseConfig)
-    confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
+    """Of the poses that the network alone proposes."""
+    confidence: ConfidenceModel = TRACK_CONFIDENCE
     states: StateRules = field(default_factory=StateRules)
-    start_passes: int = 2
-    """Passes of the anchor over a first frame whose pose was estimated."""
-    scale_gain: float = 0.05
-    """Share of the anchor's scale that enters the track's extents on each frame."""
-    store_confidence: float = 0.7
-    """Views are stored from this confidence on."""
+    given_doubt: Doubt = ROUGH_START
+    """In a start pose that was given; `EXACT_START` where it is known to be true."""
+    estimated_doubt: Doubt = ESTIMATED_START
+    """In one that was estimated from a mask, a box or nothing."""
+    first_look: FirstLookConfig = field(default_factory=FirstLookConfig)
+    surface_trust: float = 0.5
+    """Confidence of the registration from which a look is believed to be placed rightly."""
+    anchor_trust: float = 0.35
+    """Least share of points that must agree with a look's own pose."""
     memory_capacity: int = 12
-    """Stored views at most; 0 matches the last frame alone."""
+    """Views kept to be matched."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackerMemory:
     """What the tracker carries from frame to frame."""
 
-    prior: PriorFeatures
+    surface: Track
+    """The registration's own track: its object frame is the model frame."""
+    canonical: CanonicalFrame
+    shape: Float[np.ndarray, "3"]
+    """Extents over their diagonal."""
     last: Keyframe
     views: KeyframeMemory
-    motion: Motion
-    count: StateCount
+    count: StateCount = field(default_factory=StateCount)
+    seconds: float = 0.0
+    """Since the start."""
     frames: int = 0
 
 
@@ -57,29 +84,16 @@ class Tracker:
     """The network's tracker behind the `PoseTracker` protocol.
 
     Args:
-        net: the network, in evaluation mode.
-        prior: the category's shape prior, canonical points of diagonal 1.
-        category: its name; decides the symmetry.
+        encoder: the network and the category's prior.
         config: see its fields.
-        seed: of the points drawn and of RANSAC.
     """
 
-    def __init__(
-        self,
-        net: Robust6DofNet,
-        prior: Float[np.ndarray, "P 3"],
-        category: str,
-        config: TrackerConfig | None = None,
-        *,
-        seed: int = 0,
-    ) -> None:
-        self.net = net.eval()
-        self.category = category
+    def __init__(self, encoder: ViewEncoder, config: TrackerConfig | None = None) -> None:
+        self._encoder = encoder
+        self.net = encoder.net
+        self.category = encoder.category
         self.config = config or TrackerConfig()
-        self._symmetric = category in SYMMETRIC_CATEGORIES
-        self._view_config = ViewConfig(points=net.config.points, crop_px=net.config.crop_px)
-        self._seed = seed
-        self._prior = _encode_prior(net, prior, seed)
+        self._surface = IcpTracker(self.category, self.config.surface, seed=encoder.seed)
 
     @classmethod
     def from_pretrained(
@@ -96,16 +110,15 @@ class Tracker:
         Args:
             path: weights that `robust6dof train` wrote; the shipped ones if not given.
             category: one with a shipped prior.
-            config: how the network is used.
+            config: see its fields.
             device: auto, cpu or cuda.
-            seed: see the class.
+            seed: of the points drawn and of RANSAC.
 
         Raises:
             DataError: unusable weights.
             InputError: no prior for the category.
         """
-        net = load_pretrained(path, device)
-        return cls(net, load_prior(category), category, config, seed=seed)
+        return cls(ViewEncoder.from_pretrained(path, category, device, seed), config)
 
     def start(
         self,
@@ -118,155 +131,151 @@ class Tracker:
     ) -> Track:
         """Begin from a pose, a mask, a box, or by itself; see `find_initial_pose`.
 
-        A given pose is kept; an estimated one is improved by the canonical anchor.
+        The pose is corrected by the anchor at once, as far as it is in doubt.
+
+        Raises:
+            InputError: no depth on the object, or no object found.
         """
         initial = find_initial_pose(
             frame, self.category, mask=mask, box=box, T_cam_obj=T_cam_obj, extents=extents
         )
-        passes = self.config.start_passes if T_cam_obj is None else 0
-        T_start, extents = initial.T_cam_obj, initial.extents
-        features, estimate = self._look(frame, T_start, extents, 0)
-        for number in range(1, passes + 1):
-            T_start = estimate.T_cam_obj
-            extents = extents * estimate.anchor.scale / np.linalg.norm(extents)
-            features, estimate = self._look(frame, T_start, extents, number)
-        confidence = self.config.confidence(estimate)
-        first = Keyframe(features, T_start, confidence)
-        memory = TrackerMemory(
-            prior=self._prior,
-            last=first,
-            views=KeyframeMemory((first,), self.config.memory_capacity),
-            motion=Motion.at_rest(),
-            count=StateCount(),
+        doubt = self.config.given_doubt if T_cam_obj is not None else self.config.estimated_doubt
+        scale = float(np.linalg.norm(initial.extents))
+        shape = initial.extents / scale
+        canonical = CanonicalFrame.at_start(scale, doubt, self.config.canonical)
+        anchor = look_around(self._encoder, frame, initial, doubt, self.config.first_look)
+        if anchor.inlier_share >= self.config.anchor_trust:
+            canonical = self._with_look(canonical, initial.T_cam_obj, anchor, 0.0)
+        T_cam_obj = initial.T_cam_obj @ canonical.T_model_obj
+        canonical = canonical.rebased()
+        extents = shape * canonical.scale
+        surface = self._surface.start(frame, T_cam_obj=T_cam_obj, extents=extents)
+        features = self._encoder.first(frame, T_cam_obj, extents)
+        confidence = self._confidence(
+            features, self._encoder.anchor(features, 0), surface, T_cam_obj, canonical.scale
         )
+        first = Keyframe(features, T_cam_obj, confidence)
+        views = KeyframeMemory((first,), self.config.memory_capacity)
         return Track(
-            T_cam_obj=T_start,
+            T_cam_obj=T_cam_obj,
             extents=extents,
             confidence=confidence,
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
-            memory=memory,
+            memory=TrackerMemory(surface, canonical, shape, first, views),
         )
-
-    def _look(
-        self, frame: RgbdFrame, T_cam_obj: np.ndarray, extents: np.ndarray, number: int
-    ) -> tuple[ViewFeatures, JointPose]:
-        """One view alone: the anchor's estimate near a given pose."""
-        features = self._encode(frame, T_cam_obj, extents, None, number)
-        if features is None:
-            raise InputError(
-                "no depth on the object in the first frame: check the start pose, the depth's "
-                "unit and that the object is in view"
-            )
-        alone = replace(self.config.pose, anchor_weight=1.0)
-        return features, self._solve(features, (), T_cam_obj, extents, number, alone)
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
         """Follow the object to `frame`; never raises on a bad image."""
         memory: TrackerMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
-        T_cam_pred = memory.motion.predict(track.T_cam_obj, seconds)
-        number = memory.frames + 1
-        features = self._encode(frame, T_cam_pred, track.extents, memory.last.features, number)
+        memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
+        surface = self._surface.step(memory.surface, frame)
+        features = self._encode(frame, surface, memory)
+        if features is not None and surface.confidence < self.config.surface_trust:
+            surface = self._tried_again(frame, surface, features, memory)
+            features = self._encode(frame, surface, memory)
         if features is None:
-            return self._unseen(track, frame)
-        stored = memory.views.nearest(T_cam_pred, self.config.pose.stored_views)
-        past = [memory.last, *stored] if self.config.memory_capacity else [memory.last]
-        estimate = self._solve(features, past, T_cam_pred, track.extents, number)
-        return self._followed(track, frame, features, estimate, seconds)
+            return self._updated(track, frame, replace(memory, surface=surface), None, 0.0)
+        anchor = self._encoder.anchor(features, memory.frames)
+        memory = replace(memory, surface=surface)
+        if (
+            min(
+                surface.confidence / self.config.surface_trust,
+                anchor.inlier_share / self.config.anchor_trust,
+            )
+            >= 1.0
+        ):
+            canonical = self._with_look(memory.canonical, surface.T_cam_obj, anchor, memory.seconds)
+            memory = replace(memory, canonical=canonical)
+        T_cam_obj = surface.T_cam_obj @ memory.canonical.T_model_obj
+        confidence = self._confidence(features, anchor, surface, T_cam_obj, memory.canonical.scale)
+        return self._updated(track, frame, memory, features, confidence)
 
-    def _followed(
+    def _encode(
+        self, frame: RgbdFrame, surface: Track, memory: TrackerMemory
+    ) -> ViewFeatures | None:
+        T_cam_pred = surface.T_cam_obj @ memory.canonical.T_model_obj
+        extents = memory.shape * memory.canonical.scale
+        return self._encoder.encode(frame, T_cam_pred, extents, memory.last.features, memory.frames)
+
+    @torch.inference_mode()
+    def _tried_again(
+        self, frame: RgbdFrame, surface: Track, features: ViewFeatures, memory: TrackerMemory
+    ) -> Track:
+        """Registration from where the network's matches put the object, if that fits better."""
+        T_model_obj = memory.canonical.T_model_obj
+        T_cam_pred = surface.T_cam_obj @ T_model_obj
+        past = [memory.last, *memory.views.nearest(T_cam_pred, self.config.pose.stored_views)]
+        estimate = solve_joint_pose(
+            self.net,
+            features,
+            past,
+            T_cam_pred,
+            memory.canonical.scale,
+            self._encoder.symmetric,
+            self.config.pose,
+            np.random.default_rng([self._encoder.seed, memory.frames, 1]),
+        )
+        T_cam_model = estimate.T_cam_obj @ invert_transform(T_model_obj)
+        rested = replace(memory.surface.memory, motion=Motion.at_rest())
+        proposal = replace(memory.surface, T_cam_obj=T_cam_model, memory=rested)
+        again = self._surface.step(proposal, frame)
+        return max(surface, again, key=lambda one: one.confidence)
+
+    def _with_look(
+        self,
+        canonical: CanonicalFrame,
+        T_cam_model: np.ndarray,
+        anchor: AbsoluteFit,
+        seconds: float,
+    ) -> CanonicalFrame:
+        return canonical.with_look(
+            T_cam_model,
+            anchor.T_cam_obj,
+            anchor.scale,
+            symmetric=self._encoder.symmetric,
+            seconds=seconds,
+        )
+
+    def _confidence(
+        self,
+        features: ViewFeatures,
+        anchor: AbsoluteFit,
+        surface: Track,
+        T_cam_obj: np.ndarray,
+        scale: float,
+    ) -> float:
+        foreground = float(torch.sigmoid(features.foreground).mean())
+        return self.config.confidence(
+            track_evidence(
+                surface.confidence, anchor, T_cam_obj, scale, foreground, self._encoder.symmetric
+            )
+        )
+
+    def _updated(
         self,
         track: Track,
         frame: RgbdFrame,
-        features: ViewFeatures,
-        estimate: JointPose,
-        seconds: float,
+        memory: TrackerMemory,
+        features: ViewFeatures | None,
+        confidence: float,
     ) -> Track:
-        memory: TrackerMemory = track.memory
-        confidence = self.config.confidence(estimate)
+        canonical = memory.canonical
+        T_cam_obj = memory.surface.T_cam_obj @ canonical.T_model_obj
         count = memory.count.after(confidence, self.config.states)
-        view = Keyframe(features, estimate.T_cam_obj, confidence)
-        newest = Motion.between(track.T_cam_obj, estimate.T_cam_obj, seconds)
-        trusted = confidence >= self.config.store_confidence
-        memory = replace(
-            memory,
-            last=view,
-            views=memory.views.with_view(view) if trusted else memory.views,
-            motion=memory.motion.blended(newest, 0.6) if count.good else Motion.at_rest(),
-            count=count,
-            frames=memory.frames + 1,
-        )
-        growth = (estimate.anchor.scale / track.scale) ** (self.config.scale_gain * trusted)
+        memory = replace(memory, count=count)
+        if features is not None:
+            view = Keyframe(features, T_cam_obj, confidence)
+            views = memory.views.with_view(view) if count.good else memory.views
+            memory = replace(memory, last=view, views=views)
         return replace(
             track,
-            T_cam_obj=estimate.T_cam_obj,
-            extents=track.extents * growth,
+            T_cam_obj=T_cam_obj,
+            extents=memory.shape * canonical.scale,
             confidence=confidence,
             state=next_state(track.state, count, self.config.states),
             stamp=frame.stamp,
             memory=memory,
         )
-
-    def _unseen(self, track: Track, frame: RgbdFrame) -> Track:
-        """No depth where the object should be: hold the last pose."""
-        memory: TrackerMemory = track.memory
-        count = memory.count.after(0.0, self.config.states)
-        memory = replace(memory, count=count, motion=Motion.at_rest(), frames=memory.frames + 1)
-        return replace(
-            track,
-            confidence=0.0,
-            state=next_state(track.state, count, self.config.states),
-            stamp=frame.stamp,
-            memory=memory,
-        )
-
-    @torch.inference_mode()
-    def _encode(
-        self,
-        frame: RgbdFrame,
-        T_cam_pred: np.ndarray,
-        extents: np.ndarray,
-        previous: ViewFeatures | None,
-        number: int,
-    ) -> ViewFeatures | None:
-        rng = np.random.default_rng([self._seed, number])
-        view = make_view(frame, T_cam_pred, extents, self._view_config, rng)
-        if view is None:
-            return None
-        batch = view.batch.to(self._prior.points.device)
-        return self.net.encode(batch, self._prior, previous)
-
-    @torch.inference_mode()
-    def _solve(
-        self,
-        features: ViewFeatures,
-        past: list[Keyframe] | tuple[()],
-        T_cam_pred: np.ndarray,
-        extents: np.ndarray,
-        number: int,
-        weights: JointPoseConfig | None = None,
-    ) -> JointPose:
-        rng = np.random.default_rng([self._seed, number, 1])
-        scale = float(np.linalg.norm(extents))
-        return solve_joint_pose(
-            self.net,
-            features,
-            past,
-            T_cam_pred,
-            scale,
-            self._symmetric,
-            weights or self.config.pose,
-            rng,
-        )
-
-
-@torch.inference_mode()
-def _encode_prior(net: Robust6DofNet, prior: Float[np.ndarray, "P 3"], seed: int) -> PriorFeatures:
-    count = net.config.prior_points
-    rng = np.random.default_rng(seed)
-    chosen = rng.choice(len(prior), count, replace=len(prior) < count)
-    device = next(net.parameters()).device
-    points = torch.from_numpy(np.asarray(prior[chosen], dtype=np.float32))[None].to(device)
-    return net.encode_prior(points)
