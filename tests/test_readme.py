@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from robust6dof.cli import main
-from robust6dof.synthetic.aerial import plan_aerial, synthesize
+from robust6dof.synthetic.aerial import synthesize
+from robust6dof.synthetic.plans import plan_aerial
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.S)

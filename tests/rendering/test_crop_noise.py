@@ -108,13 +108,18 @@ def test_effects_without_randomness_equal_those_for_whole_images() -> None:
     assert np.mean(np.abs(measured - expected)[both] < 1e-5) > 0.999
 
 
-@pytest.mark.parametrize(
-    ("level", "expected"), [(0.0, 0.6), (20 / 255, 0.3), (0.5, 0.0), (1.0, 0.7)]
-)
-def test_dropouts_on_dark_and_shiny_surfaces(level: float, expected: float) -> None:
-    config = replace(PERFECT, dark_dropout=0.6, dark_level=40.0, shiny_dropout=0.7)
-    dropped = observe(wall(1.0), config, level=level) == 0
+@pytest.mark.parametrize(("level", "range_m"), [(0.0, 0.5), (10 / 255, 0.7), (0.8, 2.0)])
+def test_plain_surfaces_drop_out_as_the_fill_rate_says(level: float, range_m: float) -> None:
+    config = replace(PERFECT, fill_rate=0.9)
+    dropped = observe(wall(range_m), config, level=level) == 0
+    expected = 0.1 ** (level / 0.8 * (2.0 / range_m) ** 2)
     assert float(dropped.float().mean()) == pytest.approx(expected, abs=0.03)
+
+
+def test_glare_blinds_with_its_probability() -> None:
+    config = replace(PERFECT, shiny_dropout=0.7)
+    dropped = observe(wall(1.0), config, level=1.0) == 0
+    assert float(dropped.float().mean()) == pytest.approx(0.7, abs=0.03)
 
 
 def test_dropouts_at_grazing_incidence() -> None:

@@ -179,18 +179,35 @@ def test_dropouts_along_outlines_only() -> None:
     assert not hole[:170].any()
 
 
-@pytest.mark.parametrize(("level", "expected"), [(0, 0.6), (20, 0.3), (128, 0.0), (255, 0.7)])
-def test_dropouts_on_dark_and_shiny_surfaces(level: int, expected: float) -> None:
-    config = replace(PERFECT, dark_dropout=0.6, dark_level=40.0, shiny_dropout=0.7)
-    dropped = [observe(wall(1.0, level), config, seed).depth == 0 for seed in range(4)]
+@pytest.mark.parametrize(("level", "range_m"), [(0, 0.5), (10, 0.7), (204, 2.0), (204, 4.0)])
+def test_plain_surfaces_drop_out_as_the_fill_rate_says(level: int, range_m: float) -> None:
+    config = replace(PERFECT, fill_rate=0.9)
+    dropped = [observe(wall(range_m, level), config, seed).depth == 0 for seed in range(4)]
+    expected = 0.1 ** (level / 204.0 * (2.0 / range_m) ** 2)
     assert np.mean(dropped) == pytest.approx(expected, abs=0.02)
 
 
+def test_texture_is_matched_where_the_projector_does_not_reach() -> None:
+    config = replace(PERFECT, fill_rate=0.9)
+    plain = wall(6.0, 60)
+    rng = np.random.default_rng(0)
+    grey = np.repeat(rng.integers(40, 80, (480, 640, 1)).astype(np.uint8), 3, axis=2)
+    textured = Rendering(grey, plain.depth, plain.ids)
+    assert (observe(plain, config).depth == 0).mean() > 0.8
+    assert (observe(textured, config).depth == 0).mean() < 0.01
+
+
+def test_glare_blinds_with_its_probability() -> None:
+    config = replace(PERFECT, shiny_dropout=0.7)
+    assert (observe(wall(1.0, 255), config).depth == 0).mean() == pytest.approx(0.7, abs=0.03)
+    assert (observe(wall(1.0, 245), config).depth > 0).all()
+
+
 def test_holes_are_blobs_and_not_single_pixels() -> None:
-    config = replace(PERFECT, base_dropout=0.1)
-    hole = observe(wall(1.0), config).depth == 0
+    config = replace(PERFECT, fill_rate=0.9)
+    hole = np.array([observe(wall(2.0, 204), config, seed).depth == 0 for seed in range(6)])
     assert hole.mean() == pytest.approx(0.1, abs=0.01)
-    beside_a_hole = hole[:, 1:][hole[:, :-1]].mean()
+    beside_a_hole = hole[..., 1:][hole[..., :-1]].mean()
     assert beside_a_hole > 0.7  # 0.1 if pixels were independent
 
 
@@ -326,6 +343,8 @@ def test_presets_and_unusable_settings() -> None:
         StereoSensorConfig.preset("kinect")
     with pytest.raises(InputError, match="baseline"):
         StereoSensorConfig(baseline_m=0.0)
+    with pytest.raises(InputError, match="fill_rate"):
+        StereoSensorConfig(fill_rate=1.5)
     with pytest.raises(InputError, match="exposure"):
         observe(wall(1.0), PERFECT, exposure_s=-1.0)
     with pytest.raises(InputError, match="size"):

@@ -1,16 +1,22 @@
 """Recordings are the same from the same seed however they are made, and their truth is true."""
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from robust6dof.cli.synthesize import Options, run
 from robust6dof.data import read_video
 from robust6dof.data.truth_file import FILE_NAME, read_truth_file
 from robust6dof.errors import DataError, InputError
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import invert_transform, transform_points
-from robust6dof.synthetic.aerial import plan_aerial, synthesize
+from robust6dof.shapes.loading import category_files
+from robust6dof.synthetic.aerial import synthesize
+from robust6dof.synthetic.plans import FIRST_TEST_SHAPE, plan_aerial, plan_split
+from shared_data import shared_data
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -18,25 +24,50 @@ def all_bytes(folder: Path) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in files}
 
 
+def made(out: Path, **options: Any) -> list[dict[str, bytes]]:
+    """What `robust6dof synthesize aerial` writes, recording by recording."""
+    run(Options(world="aerial", out=out, seed=3, sequences=2, frames=2, **options))
+    return [all_bytes(folder) for folder in sorted(out.iterdir())]
+
+
 def test_two_shards_equal_one_run_and_whole_recordings_are_kept(tmp_path: Path) -> None:
-    plans = plan_aerial(seed=3, sequences=8, frames=2)
-    one = [synthesize(plan, tmp_path / "one") for plan in plans[6:8]]
-    other = [synthesize(plan, tmp_path / "shards") for plan in reversed(plans[6:8])]
-    for folder, again in zip(one, reversed(other), strict=True):
-        assert all_bytes(folder) == all_bytes(again)
-    marker = one[0] / "cam_K.txt"
-    before = marker.stat().st_mtime_ns
-    synthesize(plans[6], tmp_path / "one")
-    assert marker.stat().st_mtime_ns == before
-    (one[0] / "plan.json").unlink()
-    synthesize(plans[6], tmp_path / "one")
-    assert all_bytes(one[0]) == all_bytes(other[1]), "a torn recording is made again"
+    whole = made(tmp_path / "one")
+    assert len(made(tmp_path / "shards", first=1, last=1)) == 1
+    assert made(tmp_path / "shards", first=0, last=0) == whole
+
+    folder = sorted((tmp_path / "one").iterdir())[0]
+    before = (folder / "cam_K.txt").stat().st_mtime_ns
+    made(tmp_path / "one")
+    assert (folder / "cam_K.txt").stat().st_mtime_ns == before
+    (folder / "plan.json").unlink()
+    assert made(tmp_path / "one") == whole, "a torn recording is made again"
 
 
 def test_the_first_recordings_of_a_longer_plan_are_the_same() -> None:
     assert plan_aerial(0, 20)[:6] == plan_aerial(0, 6)
     assert plan_aerial(0, 6) != plan_aerial(1, 6)
     assert {p.difficulty for p in plan_aerial(0, 18)} == {"calm", "agile", "harsh"}
+
+
+@pytest.mark.parametrize(("split", "count"), [("mini", 18), ("full", 54)])
+def test_a_split_has_every_category_at_every_difficulty_alike(split: str, count: int) -> None:
+    plans = plan_split(split)
+    assert len(plans) == count
+    for values in ("name", "seed", "shape_seed"):
+        assert len({getattr(plan, values) for plan in plans}) == count
+    kinds = Counter((plan.category, plan.difficulty) for plan in plans)
+    assert len(kinds) == 18
+    assert set(kinds.values()) == {count // 18}
+    assert min(plan.shape_seed for plan in plans) >= FIRST_TEST_SHAPE
+    assert not {p.seed for p in plan_split("mini")} & {p.seed for p in plan_split("full")}
+
+
+def test_the_mesh_variant_goes_through_all_meshes() -> None:
+    meshes = shared_data("meshes")
+    plans = plan_split("full", meshes)
+    for category in ("mug", "laptop"):
+        used = {plan.mesh for plan in plans if plan.category == category}
+        assert used == set(category_files(meshes, category))
 
 
 def test_depth_and_mask_agree_with_the_true_pose_and_extents(tmp_path: Path) -> None:
@@ -62,3 +93,9 @@ def test_a_wrong_request_is_named(tmp_path: Path) -> None:
         plan_aerial(0, 3, difficulties=("wild",))
     with pytest.raises(DataError, match="no meshes"):
         plan_aerial(0, 3, meshes=tmp_path)
+    with pytest.raises(InputError, match=r"teapot.*--meshes"):
+        plan_aerial(0, 3, categories=("teapot",))
+    with pytest.raises(InputError, match="mini, full"):
+        plan_split("huge")
+    with pytest.raises(InputError, match="--frames"):
+        run(Options(world="aerial", out=tmp_path, split="mini", frames=10))

@@ -30,6 +30,9 @@ def test_smooth_noise_keeps_both_bounds(seed: int, peak: float, rate: float) -> 
 
 def test_events_rise_hold_and_fall() -> None:
     event = Event(start=1.0, rise=0.5, hold=2.0)
+    t = np.linspace(1.0, 1.5, 1001)
+    steepest = np.diff([event(x) for x in t]).max() / (t[1] - t[0])
+    assert steepest * event.rise == pytest.approx(Event.STEEPEST, rel=1e-4)
     assert [event(t) for t in (0.9, 1.25, 1.5, 2.5, 3.5, 4.1)] == [0, 0.5, 1, 1, 1, 0]
     rng = np.random.default_rng(0)
     events = draw_events(rng, 60.0, 2.0, rise=(0.1, 0.2), hold=(0.1, 0.2), quiet=1.0)
@@ -54,6 +57,21 @@ def test_the_camera_looks_down_at_the_target(name: str) -> None:
                 assert off_axis < np.deg2rad(10) + (1 - motion.held) * 1.6 * difficulty.swing + 0.05
                 assert T_world_cam[2, 2] < -0.2, "the optical axis points down"
             assert T_world_cam[2, 3] > 0.1, "the camera stays above the table"
+
+
+@pytest.mark.parametrize("name", DIFFICULTIES)
+def test_the_swing_keeps_its_bounds(name: str) -> None:
+    """Pitch and roll about the nominal view, bursts and all; and the bounds are nearly used."""
+    difficulty = DIFFICULTIES[name]
+    t = np.arange(0, 30, 0.01)
+    largest = fastest = 0.0
+    for seed in range(6):
+        motion = CameraMotion.draw(np.random.default_rng(seed), difficulty, 30.0)
+        swing = np.array([motion.swing_vector(x) for x in t])[:, [0, 2]]
+        largest = max(largest, np.abs(swing).max() / difficulty.swing)
+        fastest = max(fastest, np.abs(np.diff(swing, axis=0)).max() / 0.01 / difficulty.swing_rate)
+    assert 0.6 < largest <= 1.0
+    assert 0.5 < fastest <= 1.0 + 1e-3
 
 
 def test_leaving_takes_the_target_out_of_view() -> None:

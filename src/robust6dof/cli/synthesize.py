@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from robust6dof.cli.options import CommonOptions
+
+if TYPE_CHECKING:
+    from robust6dof.synthetic.plans import SequencePlan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,6 +20,8 @@ class Options(CommonOptions):
     """What to make."""
     out: Path
     """Folder of the recordings; whole ones that are there already are kept."""
+    split: Literal["mini", "full"] | None = None
+    """A split of AerialPose-Sim; seed, sequences, frames, difficulty and categories are its own."""
     sequences: int = 18
     """How many; they go through categories and difficulties in turn."""
     frames: int = 120
@@ -24,11 +29,11 @@ class Options(CommonOptions):
     difficulty: tuple[Literal["calm", "agile", "harsh"], ...] = ("calm", "agile", "harsh")
     """One or several."""
     categories: tuple[str, ...] = ("bottle", "bowl", "camera", "can", "laptop", "mug")
-    """Of the targets."""
+    """Of the targets; with --meshes any name of a folder there."""
     meshes: Path | None = None
-    """Folder with <category>/*.glb, .obj or .ply: targets from there, not procedural shapes."""
+    """Folder with CATEGORY/MESH files: targets from there, not procedural shapes."""
     first: int = 0
-    """Number of the first recording to make, to share them out over machines."""
+    """Number of the first recording to make, to share them out over machines or jobs."""
     last: int | None = None
     """Number of the last one to make."""
     processes: int = 1
@@ -43,16 +48,9 @@ def run(options: Options) -> None:
 
     from tqdm import tqdm
 
-    from robust6dof.synthetic.aerial import plan_aerial, synthesize
+    from robust6dof.synthetic.aerial import synthesize
 
-    plans = plan_aerial(
-        options.seed,
-        options.sequences,
-        options.frames,
-        options.difficulty,
-        options.categories,
-        options.meshes,
-    )
+    plans = _plans(options)
     last = len(plans) - 1 if options.last is None else options.last
     mine = plans[options.first : last + 1]
     options.out.mkdir(parents=True, exist_ok=True)
@@ -64,3 +62,23 @@ def run(options: Options) -> None:
         with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
             list(tqdm(pool.map(make, mine), total=len(mine), desc="recordings"))
     print(f"{len(mine)} recordings: {options.out}")
+
+
+def _plans(options: Options) -> list[SequencePlan]:
+    from robust6dof.errors import InputError
+    from robust6dof.synthetic.plans import plan_aerial, plan_split
+
+    if options.split is None:
+        return plan_aerial(
+            options.seed,
+            options.sequences,
+            options.frames,
+            options.difficulty,
+            options.categories,
+            options.meshes,
+        )
+    own = Options(world="aerial", out=options.out)
+    for name in ("seed", "sequences", "frames", "difficulty", "categories"):
+        if getattr(options, name) != getattr(own, name):
+            raise InputError(f"--{name} is the split's own: leave out --{name} or --split")
+    return plan_split(options.split, options.meshes)

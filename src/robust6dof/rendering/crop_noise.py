@@ -7,15 +7,17 @@ does not know where in the image it lies.
 
 from __future__ import annotations
 
+import math
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
+from robust6dof.rendering.depth_model import SHINY_LUMINANCE, texture_features
 from robust6dof.rendering.sensor_config import StereoSensorConfig
 
 _LUMA = (0.299, 0.587, 0.114)
-_SHINY_LUMINANCE = 250.0
 _SLOPE_SPAN_PX = 3
 
 
@@ -59,7 +61,8 @@ def observe_crop_depth(
     measured = torch.where(matched == disparity, depth, focal_baseline / matched.clamp(min=1e-6))
     if config.depth_unit_m > 0:
         measured = (measured / config.depth_unit_m).round() * config.depth_unit_m
-    probability = _dropout_probability(disparity, rgb, K, config)
+    probability = _dropout_by_appearance(depth, rgb, enlargement, image_focal_px, config)
+    probability = torch.maximum(probability, _dropout_by_geometry(disparity, K, config))
     correlation = (config.dropout_correlation_px, config.dropout_correlation_px)
     field = _smooth_noise(depth, correlation, enlargement, generator)
     kept = torch.special.ndtr(field) >= probability
@@ -135,16 +138,34 @@ def _fatten(
     return torch.where(near - disparity > step, near, matched)
 
 
-def _dropout_probability(
-    disparity: Tensor, rgb: Tensor, K: Tensor, config: StereoSensorConfig
+def _dropout_by_appearance(
+    depth: Tensor,
+    rgb: Tensor,
+    enlargement: Tensor,
+    image_focal_px: float,
+    config: StereoSensorConfig,
 ) -> Tensor:
+    """As in `depth_model`; the window is that of the batch's mean enlargement."""
     luma = 255.0 * torch.einsum("bchw,c->bhw", rgb, rgb.new_tensor(_LUMA))
-    probability = torch.full_like(disparity, config.base_dropout)
-    if config.dark_level > 0:
-        fade = ((config.dark_level - luma) / config.dark_level).clamp(0, 1)
-        probability = torch.maximum(probability, config.dark_dropout * fade)
-    shiny = torch.where(luma > _SHINY_LUMINANCE, config.shiny_dropout, 0.0)
-    probability = torch.maximum(probability, shiny)
+    probability = torch.where(luma > SHINY_LUMINANCE, config.shiny_dropout, 0.0)
+    if config.fill_rate >= 1.0:
+        return probability
+    window = config.match_window_px * image_focal_px / config.stereo_focal_px
+    side = 2 * round(window * float(enlargement.mean()) / 2) + 1
+    mean, mean_sq = (_window_mean(x, side) for x in (luma, luma**2))
+    contrast = (mean_sq - mean**2).clamp(min=0).sqrt().round().long().clamp(max=255)
+    spots = -math.log(1.0 - config.fill_rate) * config.fill_range_m**2 / config.fill_level
+    texture = torch.from_numpy(texture_features(config)).to(luma)[contrast]
+    nothing = torch.exp(-(spots * luma / depth.clamp(min=1e-3) ** 2 + texture))
+    return torch.maximum(probability, nothing)
+
+
+def _window_mean(image: Tensor, side: int) -> Tensor:
+    padded = F.pad(image, (side // 2,) * 4, mode="replicate")
+    return F.avg_pool2d(padded[:, None], side, 1)[:, 0]
+
+
+def _dropout_by_geometry(disparity: Tensor, K: Tensor, config: StereoSensorConfig) -> Tensor:
     cosine, at_outline = _incidence(disparity, K, config.edge_disparity_px)
     begin, complete = torch.cos(
         torch.deg2rad(torch.tensor(config.grazing_deg, dtype=torch.float64))
@@ -152,8 +173,7 @@ def _dropout_probability(
     grazing = torch.zeros_like(cosine)
     if config.grazing_deg[0] < 90.0:
         grazing = ((float(begin) - cosine) / max(float(begin - complete), 1e-9)).clamp(0, 1)
-    by_geometry = torch.where(at_outline, config.edge_dropout, grazing)
-    return torch.maximum(probability, by_geometry)
+    return torch.where(at_outline, config.edge_dropout, grazing)
 
 
 def _incidence(disparity: Tensor, K: Tensor, step_px: float) -> tuple[Tensor, Tensor]:

@@ -119,6 +119,29 @@ def measure(
             depth[row, column] = z
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def match_nothing(luminance, variance, depth, spots, texture, probability):
+    """Write the probability exp(−n) that a window holds none of the n features expected in it.
+
+    Args:
+        luminance: [H, W] uint8.
+        variance: [H, W] float32 of the luminance in each pixel's window.
+        depth: [H, W] float32 exact [m].
+        spots: projected spots expected per level of luminance and 1/m².
+        texture: [256] float32 features expected by the window's contrast in levels.
+        probability: [H, W] float32; written.
+    """
+    for row in range(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            z = depth[row, column]
+            if z <= 0.0:
+                continue
+            contrast = min(int(np.sqrt(max(variance[row, column], 0.0)) + 0.5), 255)
+            features = spots * luminance[row, column] / (z * z) + texture[contrast]
+            probability[row, column] = np.exp(-features)
+
+
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 @no_type_check
 def _surface_slope(before, here, after, step_px):
@@ -134,9 +157,8 @@ def _surface_slope(before, here, after, step_px):
 @no_type_check
 def drop_out(
     disparity,
-    luminance,
+    by_appearance,
     field,
-    by_luminance,
     cosines,
     edge_dropout,
     step_px,
@@ -144,16 +166,15 @@ def drop_out(
     thresholds,
     depth,
 ):
-    """Set `depth` to 0 at grazing incidence, at outlines, on dark and on shiny surfaces.
+    """Set `depth` to 0 at grazing incidence, at outlines, and where appearance says so.
 
     Disparity is linear in the pixel on a plane, d = A x + B y + C, and the plane's normal is
     (f_x A, f_y B, d − A (x − c_x) − B (y − c_y)), which gives the angle of incidence.
 
     Args:
         disparity: [H, W] true disparity; 0 nothing.
-        luminance: [H, W] uint8.
+        by_appearance: [H, W] dropout probability for want of light or texture.
         field: [H, W] Gaussian field of variance 1; a hole is where it is below Φ⁻¹(p).
-        by_luminance: [256] dropout probability.
         cosines: [2] of the angles at which dropouts begin and are complete.
         edge_dropout: dropout probability within the slope's span of an outline.
         step_px: a disparity step larger than this is an outline.
@@ -173,7 +194,7 @@ def drop_out(
             d = disparity[row, column]
             if d <= 0.0 or depth[row, column] == 0.0:
                 continue
-            probability = by_luminance[luminance[row, column]]
+            probability = by_appearance[row, column]
             if by_geometry:
                 x = column - K[0, 2]
                 left = max(column - _SLOPE_SPAN_PX, 0)

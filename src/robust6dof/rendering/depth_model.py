@@ -8,14 +8,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from robust6dof.rendering import depth_kernels
 from robust6dof.rendering.noise_fields import smooth_noise
 from robust6dof.rendering.scene import Rendering
 from robust6dof.rendering.sensor_config import StereoSensorConfig
 
-_SHINY_LUMINANCE = 250
+SHINY_LUMINANCE = 250
 # Φ⁻¹ of dropout probabilities 0, 1/1024, …, 1: a Gaussian field below it is a hole.
 _HOLE_THRESHOLDS = ndtri(np.linspace(0.0, 1.0, 1025))
 
@@ -54,9 +54,8 @@ def observe_depth(
         correlation = (config.dropout_correlation_px, config.dropout_correlation_px)
         depth_kernels.drop_out(
             disparity,
-            luminance(rendering.rgb),
+            _dropout_by_appearance(rendering, config, stereo_per_image),
             _field(1.0, correlation, disparity.shape, rng),
-            _dropout_by_luminance(config),
             np.cos(np.radians(np.array(config.grazing_deg, np.float64))),
             float(config.edge_dropout),
             float(config.edge_disparity_px),
@@ -77,8 +76,8 @@ def _search_limit(config: StereoSensorConfig) -> float:
 
 
 def _has_dropouts(config: StereoSensorConfig) -> bool:
-    on_surfaces = (config.dark_dropout, config.shiny_dropout, config.base_dropout)
-    return max(*on_surfaces, config.edge_dropout) > 0 or config.grazing_deg[0] < 90.0
+    by_appearance = config.fill_rate < 1.0 or config.shiny_dropout > 0
+    return by_appearance or config.edge_dropout > 0 or config.grazing_deg[0] < 90.0
 
 
 def _field(
@@ -113,15 +112,41 @@ def _fatten(
     )
 
 
-def _dropout_by_luminance(config: StereoSensorConfig) -> Float[np.ndarray, "256"]:
-    """Probability of a dropout for each 8-bit luminance."""
-    levels = np.arange(256)
-    probability = np.full(256, float(config.base_dropout))
-    if config.dark_level > 0:
-        fade = np.clip((config.dark_level - levels) / config.dark_level, 0.0, 1.0)
-        probability = np.maximum(probability, config.dark_dropout * fade)
-    shiny = np.where(levels > _SHINY_LUMINANCE, config.shiny_dropout, 0.0)
-    return np.maximum(probability, shiny)
+def _dropout_by_appearance(
+    rendering: Rendering, config: StereoSensorConfig, stereo_per_image: float
+) -> Float32[np.ndarray, "H W"]:
+    """Probability that a pixel's window holds nothing to match, or only glare."""
+    luma = luminance(rendering.rgb)
+    probability = np.zeros(luma.shape, np.float32)
+    if config.fill_rate < 1.0:
+        side = max(round(config.match_window_px / stereo_per_image), 1)
+        bright = luma.astype(np.float32)
+        mean = cv2.boxFilter(bright, -1, (side, side))
+        variance = cv2.boxFilter(bright * bright, -1, (side, side)) - mean * mean
+        depth_kernels.match_nothing(
+            luma,
+            np.asarray(variance, np.float32),
+            rendering.depth,
+            -np.log(1.0 - config.fill_rate) * config.fill_range_m**2 / config.fill_level,
+            texture_features(config),
+            probability,
+        )
+    if config.shiny_dropout > 0:
+        glare = np.where(luma > SHINY_LUMINANCE, np.float32(config.shiny_dropout), np.float32(0))
+        probability = np.maximum(probability, glare)
+    return probability
+
+
+def texture_features(config: StereoSensorConfig) -> Float32[np.ndarray, "256"]:
+    """Pixels of a matching window expected to stand out of the noise, by contrast in levels.
+
+    Of w² pixels whose brightness spreads by s, the share 2 Φ(−3 σ / s) differs from the mean by
+    more than three times the imager's noise σ.
+    """
+    contrast = np.maximum(np.arange(256), 1e-3)
+    noise = np.hypot(config.read_noise, np.sqrt(config.shot_noise * config.fill_level))
+    share = 2.0 * ndtr(-3.0 * max(float(noise), 1.0) / contrast)
+    return (config.match_window_px**2 * share).astype(np.float32)
 
 
 def luminance(rgb: UInt8[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "H W"]:

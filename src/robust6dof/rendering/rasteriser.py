@@ -14,7 +14,7 @@ from jaxtyping import Float, Float32, Float64, Int32, UInt8
 
 from robust6dof.errors import InputError
 from robust6dof.geometry.transforms import invert_transform
-from robust6dof.rendering import raster_kernels
+from robust6dof.rendering import raster_kernels, shading_kernels
 from robust6dof.rendering.prepared_mesh import PreparedMesh, prepare_mesh
 from robust6dof.rendering.scene import Camera, MeshInstance, Rendering, Scene
 
@@ -157,7 +157,7 @@ def _shade(
     rays_mesh = R_mesh_world @ camera.T_world_cam[:3, :3] @ coverage.K_inv
     towards_lights = [-np.asarray(light.direction_world) for light in scene.lights]
     rows, columns = _image_part(placed.vertices_cam, camera)
-    raster_kernels.shade(
+    shading_kernels.shade(
         coverage.triangles,
         coverage.inverse_depth,
         placed.first,

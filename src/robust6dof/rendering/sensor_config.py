@@ -46,16 +46,19 @@ class StereoSensorConfig:
     grazing_deg: tuple[float, float] = (75.0, 87.0)
     """Incidence angles at which dropouts begin and are complete. (90, 90): never."""
     edge_dropout: float = 0.1
-    """Probability of a dropout along outlines."""
-    dark_dropout: float = 0.35
-    """Probability of a dropout on black."""
-    dark_level: float = 25.0
-    """Luminance (of 255) below which the projected pattern begins to fade."""
-    shiny_dropout: float = 0.7
-    """Probability of a dropout on saturated highlights (luminance above 250)."""
-    base_dropout: float = 0.0005
-    """Probability of a dropout anywhere."""
-    dropout_correlation_px: float = 2.5
+    """Probability of a dropout along outlines, where a window sees two surfaces."""
+    fill_rate: float = 0.99
+    """Share of a plain bright wall that is measured at `fill_range_m`. 1: no dropouts for want of
+    light or texture."""
+    fill_range_m: float = 2.0
+    """Range at which `fill_rate` holds."""
+    fill_level: float = 204.0
+    """Luminance (of 255) of that wall."""
+    match_window_px: float = 9.0
+    """Side of the matching window, in pixels of the stereo pair."""
+    shiny_dropout: float = 0.5
+    """Probability that what saturates the colour (luminance above 250) blinds the stereo pair."""
+    dropout_correlation_px: float = 3.8
     """Standard deviation of the Gaussian that makes holes out of single dropouts."""
     psf_sigma_px: float = 0.6
     """Standard deviation of the colour lens's blur."""
@@ -73,6 +76,8 @@ class StereoSensorConfig:
     def __post_init__(self) -> None:
         if self.stereo_focal_px <= 0 or self.baseline_m <= 0:
             raise InputError("the stereo pair needs a positive focal length and baseline")
+        if not 0.0 < self.fill_rate <= 1.0 or self.match_window_px < 1.0:
+            raise InputError("fill_rate must lie in 0 … 1 and match_window_px be 1 or more")
         if self.grazing_deg[0] > self.grazing_deg[1]:
             raise InputError("grazing_deg must read (begin, complete) in rising order")
 
@@ -91,9 +96,8 @@ class StereoSensorConfig:
             edge_jitter_px=0.0,
             grazing_deg=(90.0, 90.0),
             edge_dropout=0.0,
-            dark_dropout=0.0,
+            fill_rate=1.0,
             shiny_dropout=0.0,
-            base_dropout=0.0,
             psf_sigma_px=0.0,
             shot_noise=0.0,
             read_noise=0.0,
@@ -119,12 +123,17 @@ class StereoSensorConfig:
         """A copy such as another unit in another light would be: for one whole sequence."""
         balance = np.exp(rng.normal(0.0, 0.08, 3))
         red, green, blue = (float(x) for x in balance / balance[1])
+        stretch = float(rng.uniform(1.0, 2.0))
+        spread_x, spread_y = self.noise_correlation_px
+        mean_spread = float(np.sqrt(spread_x * spread_y))
         return replace(
             self,
             disparity_noise_px=self.disparity_noise_px * float(rng.uniform(0.6, 1.5)),
+            noise_correlation_px=(mean_spread * stretch, mean_spread / stretch),
             edge_fattening_px=self.edge_fattening_px * float(rng.uniform(0.5, 1.5)),
-            dark_dropout=self.dark_dropout * float(rng.uniform(0.3, 1.3)),
-            shiny_dropout=self.shiny_dropout * float(rng.uniform(0.3, 1.3)),
+            edge_dropout=2.0 * self.edge_dropout * float(rng.random()),
+            fill_rate=1.0 - (1.0 - self.fill_rate) * float(10.0 ** rng.uniform(-1.0, 0.0)),
+            shiny_dropout=2.0 * self.shiny_dropout * float(rng.random()),
             exposure_gain=self.exposure_gain * float(np.exp(rng.normal(0.0, 0.2))),
             white_balance=(red, green, blue),
             shot_noise=self.shot_noise * float(rng.uniform(0.3, 2.0)),

@@ -106,12 +106,23 @@ def load_category(
     Raises:
         DataError: as `load_objects`.
     """
+    return [
+        load_object(path, category, up=up, unit=unit) for path in category_files(folder, category)
+    ]
+
+
+def category_files(folder: str | Path, category: str) -> list[Path]:
+    """Mesh files of FOLDER/category, by name.
+
+    Raises:
+        DataError: no such folder, or no meshes in it.
+    """
     root = _existing(Path(folder))
     child = root / category
     paths = mesh_files(child) if child.is_dir() else []
     if not paths:
         raise DataError(root, f"no meshes of category '{category}'", _remedy(root, category))
-    return [load_object(path, category, up=up, unit=unit) for path in paths]
+    return paths
 
 
 def _existing(root: Path) -> Path:

@@ -14,6 +14,8 @@ from robust6dof.synthetic.difficulty import Difficulty
 from robust6dof.synthetic.signals import Event, SmoothNoise, draw_events
 
 _REST_SWING = 0.4
+_NOISE_SHARE = 0.65
+"""Of the swing's rate that the signals may use; the bursts' rise and fall use the rest."""
 _STEP_S = 1e-4
 R_WORLD_DOWN = np.diag([1.0, -1.0, -1.0])
 """A camera that looks straight down with its x axis along the world's x."""
@@ -63,9 +65,9 @@ class CameraMotion:
                 SmoothNoise.draw(rng, np.deg2rad(8), np.deg2rad(12)),
                 SmoothNoise.draw(rng, np.deg2rad(5), np.deg2rad(10)),
             ),
-            bursts=draw_events(rng, duration, d.burst_period, rise=(0.15, 0.3), hold=(0.3, 1.0)),
+            bursts=_draw_bursts(rng, d, duration),
             leaves=draw_events(
-                rng, duration, d.leave_period, rise=(0.35, 0.6), hold=(0.2, 1.2), quiet=1.5
+                rng, duration, d.leave_period, rise=(0.35, 0.6), hold=(0.2, 1.2), quiet=1.0
             ),
             leave_direction=rng.uniform(0, 2 * np.pi),
             start_azimuth=rng.uniform(0, 2 * np.pi),
@@ -80,7 +82,7 @@ class CameraMotion:
         """Camera transform at time `t` [s] for a target at `target_world` [m]."""
         distance = self.mean_range + self.range(t)
         T_world_view = self._nominal_view(t, distance, target_world)
-        swing = self._swing_vector(t)
+        swing = self.swing_vector(t)
         pivot = self.held * distance
         T_view_cam = make_transform(Rotation.from_rotvec(swing).as_matrix(), np.zeros(3))
         T_view_cam[:3, 3] = np.array([0, 0, pivot]) - T_view_cam[:3, :3] @ [0, 0, pivot]
@@ -106,7 +108,8 @@ class CameraMotion:
         R_world_view = (Rotation.from_rotvec(lean) * turn).as_matrix() @ R_WORLD_DOWN
         return make_transform(R_world_view, target_world + distance * outward)
 
-    def _swing_vector(self, t: float) -> Float[np.ndarray, "3"]:
+    def swing_vector(self, t: float) -> Float[np.ndarray, "3"]:
+        """Rotation vector (pitch, yaw, roll) [rad] of the swing at time `t` [s]."""
         burst = max((event(t) for event in self.bursts), default=0.0)
         weight = _REST_SWING + (1.0 - _REST_SWING) * burst
         return weight * np.array([signal(t) for signal in self.swing])
@@ -133,7 +136,16 @@ def twist_along(
 def _draw_swing(
     rng: np.random.Generator, d: Difficulty
 ) -> tuple[SmoothNoise, SmoothNoise, SmoothNoise]:
-    pitch = SmoothNoise.draw(rng, d.swing, d.swing_rate)
-    yaw = SmoothNoise.draw(rng, 0.5 * d.swing, 0.5 * d.swing_rate)
-    roll = SmoothNoise.draw(rng, d.swing, d.swing_rate)
+    rate = _NOISE_SHARE * d.swing_rate
+    pitch = SmoothNoise.draw(rng, d.swing, rate)
+    yaw = SmoothNoise.draw(rng, 0.5 * d.swing, 0.5 * rate)
+    roll = SmoothNoise.draw(rng, d.swing, rate)
     return pitch, yaw, roll
+
+
+def _draw_bursts(rng: np.random.Generator, d: Difficulty, duration: float) -> tuple[Event, ...]:
+    """Bursts that rise no faster than the rate's bound leaves beside that of the swing itself."""
+    rise = (1.0 - _REST_SWING) * d.swing * Event.STEEPEST / ((1.0 - _NOISE_SHARE) * d.swing_rate)
+    return draw_events(
+        rng, duration, d.burst_period, rise=(rise, 1.5 * rise), hold=(0.3, 1.0), quiet=0.2
+    )

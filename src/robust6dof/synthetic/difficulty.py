@@ -21,7 +21,7 @@ class Difficulty:
     swing: float
     """Pitch and roll of the camera about its nominal view, at the height of a burst [rad]."""
     swing_rate: float
-    """Bound of their rate [rad/s]."""
+    """Bound of the rate of each [rad/s]."""
     orbit_rate: float
     """Bound of the rate at which the view direction circles the object [rad/s]."""
     radial_speed: float
@@ -88,8 +88,8 @@ DIFFICULTIES: dict[str, Difficulty] = {
         moving_share=0.6,
         clutter=(3, 7),
         distractors=(1, 2),
-        occlusion_period=3.0,
-        leave_period=6.0,
+        occlusion_period=2.0,
+        leave_period=4.0,
         drop_share=0.08,
     ),
 }

@@ -22,6 +22,9 @@ from robust6dof.synthetic.difficulty import DIFFICULTIES
 from robust6dof.synthetic.occluder import Occluder, draw_occluders
 from robust6dof.synthetic.visibility import handle_visible, visible_surface, whole_silhouette
 
+EXPOSURES_S = (0.004, 0.012)
+"""Shortest and longest of a recording: indoor light [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
@@ -36,6 +39,8 @@ class FrameTruth:
     symmetric: bool
     camera_twist: Float[np.ndarray, "6"]
     """Linear and angular velocity of the camera in its own frame [m/s, rad/s]."""
+    target_twist: Float[np.ndarray, "6"]
+    """The same velocity relative to the target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class SyntheticSequence:
     motion: CameraMotion
     occluders: tuple[Occluder, ...]
     sensor: StereoSensor
+    exposure_s: float
     stamps: tuple[float, ...]
     """Of the frames that arrive [s]."""
 
@@ -82,6 +88,7 @@ class SyntheticSequence:
             motion=CameraMotion.draw(rng, bounds, duration),
             occluders=draw_occluders(rng, bounds, duration, target.scale),
             sensor=StereoSensor(StereoSensorConfig.d435i().drawn(rng)),
+            exposure_s=float(rng.uniform(*EXPOSURES_S)),
             stamps=tuple(float(t) for t in stamps[arrives]),
         )
 
@@ -95,7 +102,10 @@ class SyntheticSequence:
         T_cam_obj = invert_transform(camera.T_world_cam) @ self.world.T_world_obj(t)
         distance = float(T_cam_obj[2, 3])
         bar = next((bar for bar in self.occluders if bar.event.start < t < bar.event.end), None)
-        twist, twists = twist_along(self._T_world_cam, t), self._twists_of_moving(t)
+        twist, target_twist = self._twists(t)
+        twists: dict[int, Float[np.ndarray, "6"]] = {}
+        if self.world.moves:
+            twists |= {TARGET_ID: target_twist, CARRIED_ID: target_twist}
         crossing = []
         if bar is not None:
             crossing = [bar.placed(t, camera.T_world_cam, distance)]
@@ -107,26 +117,32 @@ class SyntheticSequence:
             np.random.default_rng([self.seed, index]),
             camera_twist=twist,
             instance_twists=twists,
+            exposure_s=self.exposure_s,
             stamp=t,
             name=f"{index:06d}",
         )
-        return frame, self._truth(rendering, camera, T_cam_obj, twist)
+        return frame, self._truth(rendering, camera, T_cam_obj, (twist, target_twist))
 
     def _T_world_cam(self, t: float) -> Float[np.ndarray, "4 4"]:
         return self.motion.T_world_cam(t, self.world.T_world_obj(t)[:3, 3])
 
-    def _twists_of_moving(self, t: float) -> dict[int, Float[np.ndarray, "6"]]:
-        """The camera's velocity relative to what moves, by instance id."""
+    def _twists(self, t: float) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """The camera's velocity, in the world and relative to what moves with the target."""
+        twist = twist_along(self._T_world_cam, t)
         if not self.world.moves:
-            return {}
+            return twist, twist
 
         def T_carrier_cam(t: float) -> Float[np.ndarray, "4 4"]:
             return invert_transform(self.world.T_world_carrier(t)) @ self._T_world_cam(t)
 
-        return dict.fromkeys((TARGET_ID, CARRIED_ID), twist_along(T_carrier_cam, t))
+        return twist, twist_along(T_carrier_cam, t)
 
     def _truth(
-        self, rendering: Rendering, camera: Camera, T_cam_obj: np.ndarray, twist: np.ndarray
+        self,
+        rendering: Rendering,
+        camera: Camera,
+        T_cam_obj: Float[np.ndarray, "4 4"],
+        twists: tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]],
     ) -> FrameTruth:
         target = self.world.target.model
         mask = rendering.ids == TARGET_ID
@@ -139,5 +155,6 @@ class SyntheticSequence:
             visibility=float(mask.sum()) / max(whole_silhouette(target.mesh, T_cam_obj, camera), 1),
             handle_visible=shows_handle,
             symmetric=target.category in SYMMETRIC_CATEGORIES or not shows_handle,
-            camera_twist=twist,
+            camera_twist=twists[0],
+            target_twist=twists[1],
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -41,6 +42,9 @@ class SmoothNoise:
 @dataclass(frozen=True)
 class Event:
     """A smooth window: 0, up to 1 over `rise`, stays for `hold`, and back down."""
+
+    STEEPEST: ClassVar[float] = 1.875
+    """Greatest slope of the rise, times its duration."""
 
     start: float
     """Begin of the rise [s]."""
