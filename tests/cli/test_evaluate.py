@@ -10,7 +10,8 @@ import pytest
 
 from evaluation.small_recordings import make_standing, write_recording
 from robust6dof.cli import main
-from robust6dof.evaluation.predict import RunInfo, predict
+from robust6dof.evaluation.predict import predict
+from robust6dof.evaluation.run_info import RunInfo
 
 
 @pytest.fixture
@@ -105,4 +106,4 @@ def test_an_unknown_tracker_lists_what_there_is(tmp_path):
     args = ["--protocol", "aerial", "--out", tmp_path / "run", "--tracker", "nothing"]
     result = robust6dof("predict", tmp_path / "a", *args)
     assert result.returncode == 1
-    assert "no tracker 'nothing'; there is: icp" in result.stderr
+    assert "no tracker 'nothing'; there is: robust6dof, keypoints, icp" in result.stderr

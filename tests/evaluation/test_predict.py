@@ -17,7 +17,9 @@ from evaluation.small_recordings import (
 from robust6dof.data.track_file import read_tracks
 from robust6dof.data.truth_file import FILE_NAME, open_with_truth, read_truth_file
 from robust6dof.errors import DataError, InputError
-from robust6dof.evaluation.predict import RunInfo, predict, predict_sequence
+from robust6dof.evaluation.follow import predict_sequence
+from robust6dof.evaluation.predict import predict
+from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.run_records import records_of_run
 
 

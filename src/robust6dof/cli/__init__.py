@@ -15,6 +15,7 @@ COMMANDS: dict[str, str] = {
     "demo": "the main job in one go: track an object and guide the aerial manipulator to it",
     "track": "follow an object through an RGB-D recording",
     "synthesize": "make synthetic recordings with ground truth",
+    "synthesize ycb-video": "render YCB-Video's real trajectories with scanned shapes",
     "train": "train the tracker's network on the synthetic world",
     "bench": "measure speed: the network alone",
     "predict": "run a tracker over a data set and store its poses",
@@ -23,7 +24,8 @@ COMMANDS: dict[str, str] = {
     "doctor": "say what a folder of data is and whether it makes sense",
     "priors": "build a category's shape prior from procedural objects or your own meshes",
 }
-"""Name of each subcommand (its module has the same name, with _ for -) and its one-line help."""
+"""Name of each subcommand (its module has the same name, with _ for - and space) and its one-line
+help."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         print(f"robust6dof {__version__}")
         return 0
-    name, rest = args[0], args[1:]
+    words = 2 if " ".join(args[:2]) in COMMANDS else 1
+    name, rest = " ".join(args[:words]), args[words:]
     if name not in COMMANDS:
         print(f"robust6dof: no command '{name}'; there is: {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
@@ -49,7 +52,7 @@ def _run_command(name: str, args: list[str]) -> int:
 
     from robust6dof.errors import Robust6dofError
 
-    module = importlib.import_module(f"robust6dof.cli.{name.replace('-', '_')}")
+    module = importlib.import_module(f"robust6dof.cli.{name.replace('-', '_').replace(' ', '_')}")
     options = tyro.cli(
         module.Options,
         prog=f"robust6dof {name}",

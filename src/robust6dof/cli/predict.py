@@ -44,6 +44,8 @@ class Options(CommonOptions):
     """The paper's Init×n: further noise on the first pose, n times CAPTRA's."""
     all_noise: float = 0.0
     """The paper's All×n: such noise on every pose that the tracker steps from."""
+    single_view: bool = False
+    """Estimate each frame by itself from its mask alone, instead of tracking."""
 
 
 def run(options: Options) -> None:
@@ -51,7 +53,8 @@ def run(options: Options) -> None:
     from functools import partial
 
     from robust6dof.baselines.registry import REMARKS, make_tracker
-    from robust6dof.evaluation.predict import RunInfo, predict
+    from robust6dof.evaluation.predict import predict
+    from robust6dof.evaluation.run_info import RunInfo
 
     info = RunInfo(
         options.tracker,
@@ -66,6 +69,7 @@ def run(options: Options) -> None:
         most=options.most,
         init_noise=options.init_noise,
         all_noise=options.all_noise,
+        single_view=options.single_view,
     )
     make = partial(
         make_tracker,

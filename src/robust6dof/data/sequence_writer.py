@@ -54,6 +54,12 @@ class SequenceWriter:
                 stamps.write(f"{name} {frame.stamp!r}\n")
         self.count += 1
 
+    def add_mask(self, frame_name: str, object_name: str, mask: Bool[np.ndarray, "H W"]) -> None:
+        """Write the mask of one of several objects: `masks/<object>/<frame>.png`."""
+        path = self.path / "masks" / object_name / f"{frame_name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_image(path, mask.astype(np.uint8) * 255)
+
     def _write_intrinsics(self, K: np.ndarray) -> None:
         if self._K is None:
             self.path.mkdir(parents=True, exist_ok=True)

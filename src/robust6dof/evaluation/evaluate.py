@@ -16,12 +16,12 @@ from robust6dof.evaluation.frame_choice import FrameChoice
 from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
 from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.model_points import read_model_points
-from robust6dof.evaluation.predict import RunInfo
 from robust6dof.evaluation.protocols import Protocol
 from robust6dof.evaluation.protocols.nocs_map import score_images
 from robust6dof.evaluation.protocols.ycbineoat_auc import align_first_frame
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.result_formats import BopCsv, ObInCam, SixPackText, read_nocs_results
+from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.run_records import make_records, read_run_info, records_of_run
 from robust6dof.evaluation.scores import Scores
 
@@ -110,6 +110,8 @@ def _remarks(info: RunInfo) -> tuple[str, ...]:
             f"only part of the frames: every {info.every}., {info.drop} dropped after the first, "
             f"{'no bound' if info.most is None else f'at most {info.most}'} on their number"
         )
+    if info.single_view:
+        remarks.append("an estimate of each frame by itself, from its true mask: not tracked")
     if info.init_noise or info.all_noise:
         remarks.append(f"pose noise: Init×{info.init_noise:g}, All×{info.all_noise:g}")
     return tuple(remarks)

@@ -15,8 +15,8 @@ from robust6dof.data.track_file import read_tracks
 from robust6dof.data.truth_file import AnnotatedTruth
 from robust6dof.data.ycb_video import read_keyframes
 from robust6dof.errors import DataError
-from robust6dof.evaluation.predict import RunInfo
 from robust6dof.evaluation.records import PoseRecord
+from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.frames import Track, TrackState
 
 

@@ -1,0 +1,106 @@
+"""How fast the tracker is end to end: from an image to a pose."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import torch
+
+from robust6dof.frames import RgbdFrame, Track
+from robust6dof.shapes.procedural import make_object
+from robust6dof.synthetic.sequence import SyntheticSequence
+from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.surface.icp import IcpTracker
+from robust6dof.tracking.tracker import Tracker, TrackerMemory
+from robust6dof.tracking.view import ViewConfig, make_view
+
+_TEST_SHAPES = 2_000_000
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class TrackBenchmark:
+    """Times of one object followed through one agile recording; times in milliseconds."""
+
+    category: str
+    frames: int
+    parameters: int
+    points: int
+    keypoints: int
+    device: str
+    threads: int
+    step_ms: float
+    """Median time of a step: image in, pose out."""
+    step_ms_p95: float
+    """95th percentile."""
+    stages_ms: dict[str, float]
+    """Median of each part run by itself on the same frames: `crop`, `network` (crop left out),
+    `matching` (with the last frame; a step needs it only where the registration fails), `solve`
+    (the anchor), `registration`."""
+
+
+def benchmark_track(encoder: ViewEncoder, frames: int = 60, seed: int = 0) -> TrackBenchmark:
+    """Follow a procedural test object, started from its true pose; threads are torch's."""
+    target = make_object(encoder.category, _TEST_SHAPES + seed)
+    sequence = SyntheticSequence.draw(target, "agile", seed, frames)
+    shots = [sequence.frame(index) for index in range(len(sequence))]
+    images = [frame for frame, _ in shots]
+    tracker = Tracker(encoder)
+    truth = shots[0][1]
+    track = tracker.start(images[0], T_cam_obj=truth.T_cam_obj, extents=truth.extents)
+    tracks, times = [track], []
+    for frame in images[1:]:
+        begun = time.perf_counter()
+        track = tracker.step(track, frame)
+        times.append(1e3 * (time.perf_counter() - begun))
+        tracks.append(track)
+    net, cuda = encoder.net, torch.cuda.is_available()
+    on_gpu = next(net.parameters()).is_cuda
+    return TrackBenchmark(
+        category=encoder.category,
+        frames=len(times),
+        parameters=sum(p.numel() for p in net.parameters()),
+        points=net.config.points,
+        keypoints=net.config.keypoints,
+        device=torch.cuda.get_device_name() if cuda and on_gpu else "cpu",
+        threads=torch.get_num_threads(),
+        step_ms=float(np.median(times)),
+        step_ms_p95=float(np.percentile(times, 95)),
+        stages_ms=_stages(encoder, images, tracks),
+    )
+
+
+def _stages(encoder: ViewEncoder, images: list[RgbdFrame], tracks: list[Track]) -> dict[str, float]:
+    """Each part by itself, on every frame after the first."""
+    config = ViewConfig(points=encoder.net.config.points, crop_px=encoder.net.config.crop_px)
+    icp = IcpTracker(encoder.category, seed=encoder.seed)
+    times: dict[str, list[float]] = {}
+
+    def timed(name: str, part: Callable[[], Result]) -> Result:
+        begun = time.perf_counter()
+        result = part()
+        if torch.cuda.is_available():
+            torch.cuda.synchronize()
+        times.setdefault(name, []).append(1e3 * (time.perf_counter() - begun))
+        return result
+
+    for number, (frame, last) in enumerate(zip(images[1:], tracks[:-1], strict=True), 1):
+        memory: TrackerMemory = last.memory
+        rng = np.random.default_rng(number)
+        T, extents = last.T_cam_obj, last.extents
+        if timed("crop", lambda: make_view(frame, T, extents, config, rng)) is None:
+            continue
+        past = memory.last.features
+        features = timed("whole", lambda: encoder.encode(frame, T, extents, past, number))
+        assert features is not None
+        with torch.inference_mode():
+            timed("matching", lambda: encoder.net.match(past, features))
+        timed("solve", lambda: encoder.anchor(features, number))
+        timed("registration", lambda: icp.step(memory.surface, frame))
+    median = {name: float(np.median(values)) for name, values in times.items()}
+    median["network"] = median.pop("whole") - median["crop"]
+    return median
