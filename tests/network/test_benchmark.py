@@ -43,3 +43,13 @@ def test_the_command_writes_what_it_measured(tmp_path, capsys):
     assert said["step_mflop"] > 0
     assert said["times_floor"] > 1
     assert json.loads(capsys.readouterr().out) == said
+
+
+def test_a_tracker_is_timed_end_to_end(tmp_path, capsys):
+    out = tmp_path / "track.json"
+    main(["bench", "track", "--preset", "tiny", "--frames", "3", "--json", str(out)])
+    measured = json.loads(out.read_text())
+    assert measured["frames"] == 2
+    assert measured["points"] == preset("tiny").points
+    assert set(measured["stages_ms"]) == {"crop", "network", "matching", "solve", "registration"}
+    assert measured["step_ms_p95"] >= measured["step_ms"] > 0

@@ -1,4 +1,4 @@
-"""Measure speed: the network alone (parameters, time of each stage, distance to the floor)."""
+"""Measure speed: the network alone, with the distance to the floor; or a tracker end to end."""
 
 from __future__ import annotations
 
@@ -13,40 +13,66 @@ from robust6dof.cli.options import CommonOptions
 
 @dataclass(frozen=True, kw_only=True)
 class Options(CommonOptions):
-    what: Annotated[Literal["network"], tyro.conf.Positional]
+    what: Annotated[Literal["network", "track"], tyro.conf.Positional]
     """What to measure."""
     preset: Literal["paper", "small", "tiny"] = "small"
-    """Which network."""
+    """Which network, of random weights; `track` takes it where no weights are given."""
+    weights: Path | None = None
+    """Weights for `track` (.safetensors)."""
+    category: str = "mug"
+    """Of the object that `track` follows."""
+    frames: int = 60
+    """Of the recording that `track` follows; it is rendered first."""
     threads: int = 2
     """Threads of torch on the CPU."""
     repeats: int = 50
-    """Steps that are timed."""
+    """Steps that `network` times."""
     json: Path | None = None
     """Write the result here."""
 
 
 def run(options: Options) -> None:
+    """Measure, print, write."""
     import json
     from dataclasses import asdict
 
     import torch
 
-    from robust6dof.network.benchmark import benchmark_network
-    from robust6dof.network.config import preset
-    from robust6dof.network.device import resolve_device
-
     torch.set_num_threads(options.threads)
-    result = asdict(
-        benchmark_network(
-            preset(options.preset),
-            options.preset,
-            resolve_device(options.device),
-            options.seed,
-            options.repeats,
-        )
-    )
-    text = json.dumps(result, indent=2)
+    measured = _network(options) if options.what == "network" else _track(options)
+    text = json.dumps(asdict(measured), indent=2)
     print(text)
     if options.json is not None:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(text + "\n")
+
+
+def _network(options: Options):
+    from robust6dof.network.benchmark import benchmark_network
+    from robust6dof.network.config import preset
+    from robust6dof.network.device import resolve_device
+
+    device = resolve_device(options.device)
+    name = options.preset
+    return benchmark_network(preset(name), name, device, options.seed, options.repeats)
+
+
+def _track(options: Options):
+    import torch
+
+    from robust6dof.evaluation.track_benchmark import benchmark_track
+    from robust6dof.network.config import preset
+    from robust6dof.network.device import resolve_device
+    from robust6dof.network.robust6dof_net import Robust6DofNet
+    from robust6dof.shapes.priors import load_prior
+    from robust6dof.tracking.encoder import ViewEncoder
+    from robust6dof.tracking.pretrained import load_pretrained
+
+    device = resolve_device(options.device)
+    torch.manual_seed(options.seed)
+    if options.weights:
+        net = load_pretrained(options.weights, device)
+    else:
+        net = Robust6DofNet(preset(options.preset)).to(device)
+    encoder = ViewEncoder(net, load_prior(options.category), options.category, options.seed)
+    return benchmark_track(encoder, options.frames, options.seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -80,9 +80,9 @@ def _stages(encoder: ViewEncoder, images: list[RgbdFrame], tracks: list[Track]) 
     icp = IcpTracker(encoder.category, seed=encoder.seed)
     times: dict[str, list[float]] = {}
 
-    def timed(name: str, part: Callable[[], Result]) -> Result:
+    def timed(name: str, part: Callable[..., Result], *arguments: Any) -> Result:
         begun = time.perf_counter()
-        result = part()
+        result = part(*arguments)
         if torch.cuda.is_available():
             torch.cuda.synchronize()
         times.setdefault(name, []).append(1e3 * (time.perf_counter() - begun))
@@ -90,17 +90,15 @@ def _stages(encoder: ViewEncoder, images: list[RgbdFrame], tracks: list[Track]) 
 
     for number, (frame, last) in enumerate(zip(images[1:], tracks[:-1], strict=True), 1):
         memory: TrackerMemory = last.memory
+        T, extents, past = last.T_cam_obj, last.extents, memory.last.features
         rng = np.random.default_rng(number)
-        T, extents = last.T_cam_obj, last.extents
-        if timed("crop", lambda: make_view(frame, T, extents, config, rng)) is None:
-            continue
-        past = memory.last.features
-        features = timed("whole", lambda: encoder.encode(frame, T, extents, past, number))
-        assert features is not None
-        with torch.inference_mode():
-            timed("matching", lambda: encoder.net.match(past, features))
-        timed("solve", lambda: encoder.anchor(features, number))
-        timed("registration", lambda: icp.step(memory.surface, frame))
+        timed("crop", make_view, frame, T, extents, config, rng)
+        features = timed("whole", encoder.encode, frame, T, extents, past, number)
+        timed("registration", icp.step, memory.surface, frame)
+        if features is not None:
+            with torch.inference_mode():
+                timed("matching", encoder.net.match, past, features)
+            timed("solve", encoder.anchor, features, number)
     median = {name: float(np.median(values)) for name, values in times.items()}
     median["network"] = median.pop("whole") - median["crop"]
     return median

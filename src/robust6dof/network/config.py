@@ -109,9 +109,9 @@ class NetworkConfig:
 PRESETS: dict[str, NetworkConfig] = {
     "paper": NetworkConfig(pose_correction=True),
     "small": NetworkConfig(
-        points=384,
-        prior_points=384,
-        keypoints=96,
+        points=256,
+        prior_points=256,
+        keypoints=64,
         width=96,
         heads=2,
         rank=32,

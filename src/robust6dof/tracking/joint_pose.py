@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from robust6dof.errors import InputError
+from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import (
     axis_error,
     invert_transform,
@@ -21,14 +23,22 @@ from robust6dof.network.matching import select_pairs
 from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.solver.absolute import AbsoluteFit, fit_absolute
 from robust6dof.solver.joint import PairBlock, fit_joint
+from robust6dof.solver.pnp import ransac_pnp
 from robust6dof.solver.rigid_ransac import ransac_rigid
 from robust6dof.tracking.keyframes import Keyframe
 
 
 @dataclass(frozen=True)
 class JointPoseConfig:
-    """What each source of evidence counts."""
+    """How a frame is solved, and what each source of evidence counts."""
 
+    solver: Literal["joint", "pnp"] = "joint"
+    """All pairs together, weighted and robust; or, as printed, PnP and RANSAC on the last frame's
+    3D keypoints and the current frame's pixels, which leaves the current depth unused."""
+    inlier_px: float = 3.0
+    """Of PnP."""
+    hypotheses: int = 64
+    """RANSAC samples."""
     last_weight: float = 1.0
     """Of the pairs with the last frame."""
     memory_weight: float = 1.0
@@ -66,6 +76,7 @@ def solve_joint_pose(
     T_cam_pred: Float[np.ndarray, "4 4"],
     scale: float,
     symmetric: bool,
+    K: Float[np.ndarray, "3 3"],
     config: JointPoseConfig,
     rng: np.random.Generator,
 ) -> JointPose:
@@ -78,6 +89,7 @@ def solve_joint_pose(
         T_cam_pred: the motion model's prediction, one of the starts.
         scale: the track's box diagonal [m].
         symmetric: the anchor's turn about y is a gauge.
+        K: intrinsics [px], for PnP.
         config: weights.
         rng: draws RANSAC's samples.
 
@@ -85,12 +97,14 @@ def solve_joint_pose(
         InputError: the network's output is not finite.
     """
     anchor_block, anchor = _anchor_block(features, symmetric, config.anchor_weight, rng)
+    if config.solver == "pnp" and past:
+        return _printed_pose(net, features, past[0], T_cam_pred, anchor, symmetric, K, config)
     blocks = _past_blocks(net, features, past, config)
     starts = [T_cam_pred]
     if not symmetric:
         starts.append(anchor.T_cam_obj)
     distance = config.robust_share * scale
-    starts += [_ransac_start(block, 1.5 * distance, rng) for block in blocks[:2]]
+    starts += [_ransac_start(block, 1.5 * distance, config.hypotheses, rng) for block in blocks[:2]]
     all_blocks = [*blocks, anchor_block] if config.anchor_weight > 0 else blocks
     if not all_blocks:
         raise InputError("nothing to solve from: no past view and no anchor")
@@ -154,10 +168,44 @@ def _past_blocks(
     return blocks
 
 
-def _ransac_start(block: PairBlock, distance: float, rng: np.random.Generator) -> np.ndarray:
+def _ransac_start(
+    block: PairBlock, distance: float, hypotheses: int, rng: np.random.Generator
+) -> np.ndarray:
     return ransac_rigid(
-        block.points_obj, block.points_cam, block.weight, distance, rng, hypotheses=64
+        block.points_obj, block.points_cam, block.weight, distance, rng, hypotheses=hypotheses
     ).T_dst_src
+
+
+def _printed_pose(
+    net: Robust6DofNet,
+    features: ViewFeatures,
+    last: Keyframe,
+    T_cam_pred: np.ndarray,
+    anchor: AbsoluteFit,
+    symmetric: bool,
+    K: np.ndarray,
+    config: JointPoseConfig,
+) -> JointPose:
+    """P_t = ΔP_t · P_(t−1), ΔP_t from PnP and RANSAC; the prediction where that finds nothing."""
+    matches = net.match(last.features, features)
+    threshold, fine = net.config.match_threshold, net.config.fine_matching
+    pairs = select_pairs(last.features, features, matches, threshold, fine)
+    previous, current = (_array(points[None]) for points in (pairs.previous, pairs.current))
+    fit = None
+    if len(previous) >= 4:
+        fit = ransac_pnp(previous, project(current, K), K, config.inlier_px, config.hypotheses)
+    T_cam_obj = T_cam_pred if fit is None else fit.T_dst_src @ last.T_cam_obj
+    support = 0.0 if fit is None else float(fit.inliers.mean())
+    error = axis_error if symmetric else rotation_error
+    return JointPose(
+        T_cam_obj=T_cam_obj,
+        anchor=anchor,
+        support=support,
+        anchor_support=anchor.inlier_share,
+        residual_share=0.0 if fit is None else fit.residual / float(K[0, 0]),
+        disagreement=float(error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3])),
+        foreground=float(torch.sigmoid(features.foreground).mean()),
+    )
 
 
 def _cost(blocks: Sequence[PairBlock], T_cam_obj: np.ndarray, distance: float) -> float:

@@ -138,7 +138,7 @@ class KeypointTracker:
         """One view alone: the anchor's estimate near a given pose."""
         features = self._encoder.first(frame, T_cam_obj, extents, number)
         alone = replace(self.config.pose, anchor_weight=1.0)
-        return features, self._solve(features, (), T_cam_obj, extents, number, alone)
+        return features, self._solve(features, (), T_cam_obj, extents, number, frame.K, alone)
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
         """Follow the object to `frame`; never raises on a bad image."""
@@ -153,7 +153,7 @@ class KeypointTracker:
             return self._unseen(track, frame)
         stored = memory.views.nearest(T_cam_pred, self.config.pose.stored_views)
         past = [memory.last, *stored] if self.config.memory_capacity else [memory.last]
-        estimate = self._solve(features, past, T_cam_pred, track.extents, number)
+        estimate = self._solve(features, past, T_cam_pred, track.extents, number, frame.K)
         return self._followed(track, frame, features, estimate, seconds)
 
     def _followed(
@@ -210,6 +210,7 @@ class KeypointTracker:
         T_cam_pred: np.ndarray,
         extents: np.ndarray,
         number: int,
+        K: np.ndarray,
         weights: JointPoseConfig | None = None,
     ) -> JointPose:
         rng = np.random.default_rng([self._encoder.seed, number, 1])
@@ -220,6 +221,7 @@ class KeypointTracker:
             T_cam_pred,
             float(np.linalg.norm(extents)),
             self._encoder.symmetric,
+            K,
             weights or self.config.pose,
             rng,
         )

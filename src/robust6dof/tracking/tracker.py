@@ -215,6 +215,7 @@ class Tracker:
             T_cam_pred,
             memory.canonical.scale,
             self._encoder.symmetric,
+            frame.K,
             self.config.pose,
             np.random.default_rng([self._encoder.seed, memory.frames, 1]),
         )
