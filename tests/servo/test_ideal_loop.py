@@ -42,7 +42,7 @@ def _ratio_to_bound(run: IdealRun) -> float:
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_coupled_errors_follow_the_analytic_exponentials(seed: int):
-    servo = PadServo(ROBOT, PadServoConfig(limits=NO_LIMITS, rate_hz=50))
+    servo = PadServo(ROBOT, PadServoConfig(limits=NO_LIMITS, rate_hz=50, soft_start=0))
     run = run_ideal(servo, _start(seed), GOAL, 2.0)
     errors = _image_errors(run)
     decay = np.exp(-0.27 * run.times)[:, None]
@@ -53,12 +53,27 @@ def test_coupled_errors_follow_the_analytic_exponentials(seed: int):
     np.testing.assert_allclose(theta, theta[0] * np.exp(-0.25 * run.times), rtol=0.005)
 
 
+def test_a_soft_start_only_bends_the_exponentials_time():
+    """exp(−λ t) becomes exp(−λ ∫ share dt): along the same path, without a jump."""
+    config = PadServoConfig(limits=NO_LIMITS, rate_hz=50, soft_start=1.0)
+    run = run_ideal(PadServo(ROBOT, config), _start(1), GOAL, 2.0)
+    # The share in force while each command holds; the first is that of one period.
+    shares = [config.share_in_force(min(t + config.period, 1.0)) for t in run.times]
+    spent = np.concatenate([[0.0], np.cumsum(shares)[:-1]]) * config.period
+    errors = _image_errors(run)
+    expected = np.exp(-0.27 * spent)[:, None] * errors[0]
+    np.testing.assert_allclose(errors, expected, atol=0.01 * np.linalg.norm(errors[0]))
+    speeds = [np.linalg.norm(command.as_vector) for command in run.commands]
+    assert speeds[0] < 0.01 * max(speeds)
+    assert np.diff(speeds[:50]).max() < 0.05 * max(speeds)
+
+
 @pytest.mark.parametrize("seed", [0])
 def test_discretisation_is_all_that_separates_the_loop_from_its_exponential(seed: int):
     """Twice the rate, half the deviation."""
 
     def deviation(rate_hz: float) -> float:
-        servo = PadServo(ROBOT, PadServoConfig(limits=NO_LIMITS, rate_hz=rate_hz))
+        servo = PadServo(ROBOT, PadServoConfig(limits=NO_LIMITS, rate_hz=rate_hz, soft_start=0))
         run = run_ideal(servo, _start(seed), GOAL, 1.0)
         errors = _image_errors(run)
         return float(np.abs(errors - np.exp(-0.27 * run.times)[:, None] * errors[0]).max())
@@ -141,7 +156,7 @@ def test_moving_target_is_lost_by_printed_trailed_by_coupled_and_followed_by_fee
 
 def test_feedforward_follows_a_target_that_circles_and_turns():
     start = Start(ROBOT.arm.rest.copy(), GOAL.copy())
-    servo = PadServo(ROBOT, PadServoConfig(law="feedforward"))
+    servo = PadServo(ROBOT, PadServoConfig(law="feedforward", soft_start=0))
     run = run_ideal(
         servo,
         start,

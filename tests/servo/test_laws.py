@@ -25,7 +25,7 @@ from robust6dof.servo.least_squares import bounded_solution, damped_inverse, wei
 from robust6dof.servo.pbvs import pbvs_law
 
 ROBOT = default_aerial_manipulator()
-CONFIG = PadServoConfig()
+CONFIG = PadServoConfig(tilt_compensation="all")
 
 
 def _sight(rng: np.random.Generator, tilt_rates: np.ndarray | None = None) -> Sight:
@@ -54,6 +54,17 @@ def test_coupled_law_makes_both_errors_decay_despite_tilting():
         np.testing.assert_allclose(point_interaction(t) @ V, -0.27 * eps, atol=1e-10)
         theta_u = rotation_error_vector(sight.T_cam_obj[:3, :3], sight.T_cam_obj_goal[:3, :3])
         np.testing.assert_allclose(V[3:], -0.25 * theta_u, atol=1e-10)
+
+
+def test_left_to_the_arm_tilting_turns_no_camera_and_pushes_no_vehicle():
+    rng, config = np.random.default_rng(10), PadServoConfig(tilt_compensation="arm")
+    for _ in range(20):
+        sight = _sight(rng)
+        level = coupled_law(ROBOT, replace(sight, tilt_rates=np.zeros(2)), config)
+        command = coupled_law(ROBOT, sight, config)
+        V = _camera_twist(sight, command)
+        np.testing.assert_allclose(V[3:], -0.25 * sight.rotation_error, atol=1e-10)
+        np.testing.assert_array_equal(command[:4], level[:4])
 
 
 def test_feedforward_law_makes_the_errors_decay_about_a_moving_target():

@@ -56,7 +56,7 @@ def test_one_line_call():
 
 def test_signs_of_the_commands():
     """Body axes: x forward, y left. The image's top is forward at rest."""
-    servo = PadServo(ROBOT)
+    servo = PadServo(ROBOT, PadServoConfig(soft_start=0))
     right_of_image = _step(servo, _seen((0.1, 0, 0)), 0.0)
     assert right_of_image.velocity_body[1] < -0.005  # object to the right: fly right
     servo.start()
@@ -194,6 +194,20 @@ def test_goal_that_is_no_transform_is_refused():
         servo.step(_seen(), _seen((0, 0, -2)), REST, STILL, 0.0)
     with pytest.raises(InputError, match="T_cam_obj_goal"):
         servo.step(_seen(), np.zeros((4, 4)), REST, STILL, 0.0)
+
+
+def test_guidance_begins_gently_and_a_short_hold_costs_little():
+    servo = PadServo(ROBOT)
+    speeds = [np.linalg.norm(_step(servo, _seen(), 0.05 * i).as_vector) for i in range(24)]
+    assert speeds[0] < 0.01 * speeds[-1]
+    assert np.all(np.diff(speeds) > -1e-9)
+    assert speeds[20] == pytest.approx(speeds[-1])  # the law itself, after a second
+    assert _step(servo, None, 1.2).state == "hold_lost"
+    again = np.linalg.norm(_step(servo, _seen(), 1.25).as_vector)
+    assert again > 0.25 * speeds[-1]  # what the limit on the acceleration lets through
+    for i in range(30):
+        _step(servo, None, 1.3 + 0.05 * i)
+    assert np.linalg.norm(_step(servo, _seen(), 2.8).as_vector) < 0.01 * speeds[-1]
 
 
 def test_start_forgets_the_past():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from robust6dof.errors import InputError
 from robust6dof.servo.safety import SafetyLimits
 from robust6dof.servo.target_motion import TargetMotionNoise
@@ -48,15 +50,24 @@ class PadServoConfig:
     """Cost of a joint's rate [per (rad/s)²]."""
     rest_gain: float = 0.5
     """How fast redundancy pulls the arm to its rest posture [1/s]; no effect on the camera."""
+    soft_start: float = 1.0
+    """When guidance begins, the law comes into force over this time [s]; 0 for at once."""
     damping: float = 0.05
     """Damping of the pseudo-inverses at a singularity."""
     singular_below: float = 0.08
     """Singular value under which damping sets in."""
     joint_brake: float = 4.0
     """A joint may approach its limit at this rate times the angle left [1/s]."""
-    lead: float = 0.025
-    """`feedforward` law: the target's velocity is fed forward as it will be this much later [s],
-    to make up for commands that hold for a period and a vehicle that follows them late."""
+    vehicle_lag: float = 0.0
+    """How late the vehicle follows a velocity command [s]: the time constant of its velocity
+    loop. `feedforward` commands the target's velocity as it will be this much later."""
+    shortfall_gain: float = 2.0
+    """`feedforward` law: how fast the way that the vehicle has fallen short of is made up [1/s]."""
+    max_shortfall: float = 0.15
+    """No more of that is remembered [m]."""
+    tilt_compensation: Literal["arm", "all"] = "arm"
+    """Who makes up for the measured tilt rates in the coupled laws: the arm, which keeps the
+    camera's direction, or the vehicle too, as the paper has it (see docs/servo.md)."""
     max_tilt_rate: float = 2.0
     """Measured tilt rates are clipped here before they are compensated [rad/s]."""
     limits: SafetyLimits = field(default_factory=SafetyLimits)
@@ -73,6 +84,10 @@ class PadServoConfig:
                 )
         if self.hysteresis < 1:
             raise InputError(f"PadServoConfig.hysteresis must be at least 1, got {self.hysteresis}")
+
+    def share_in_force(self, readiness: float) -> float:
+        """Share of the law's command at a `readiness` of 0 to 1: smooth, with no jump."""
+        return 0.5 - 0.5 * float(np.cos(np.pi * readiness))
 
     @property
     def period(self) -> float:

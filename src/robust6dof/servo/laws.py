@@ -131,15 +131,19 @@ def solve_task(
     """
     joints = sight.joints
     A = task @ np.hstack([sight.J_s, sight.J_mr])
-    b = wanted - task @ sight.J_s_bar @ sight.tilt_rates
+    low, high = joint_rate_bounds(robot, joints, config)
+    b, against_tilt = wanted, np.zeros(len(joints))
+    if config.tilt_compensation == "all":
+        b = wanted - task @ sight.J_s_bar @ sight.tilt_rates
+    else:
+        against_tilt = -_invert(sight.J_mr[3:], config) @ sight.J_s_bar[3:] @ sight.tilt_rates
     n = len(joints)
     weights = np.concatenate(
         [np.full(3, config.vehicle_weight), [config.yaw_weight], np.full(n, config.joint_weight)]
     )
     preference = np.concatenate([np.zeros(4), config.rest_gain * (robot.arm.rest - joints)])
-    low, high = joint_rate_bounds(robot, joints, config)
     free = np.full(4, np.inf)
-    return bounded_solution(
+    command = bounded_solution(
         A,
         b,
         weights,
@@ -149,6 +153,8 @@ def solve_task(
         config.damping,
         config.singular_below,
     )
+    command[4:] = np.clip(command[4:] + against_tilt, low, high)
+    return command
 
 
 def joint_rate_bounds(

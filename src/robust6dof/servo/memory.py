@@ -10,6 +10,7 @@ from jaxtyping import Float
 from robust6dof.errors import InputError
 from robust6dof.geometry.transforms import axis_error, check_transform, rotation_error
 from robust6dof.servo.config import PadServoConfig
+from robust6dof.servo.following import Following
 from robust6dof.servo.safety import SafetyLimits, ServoState
 from robust6dof.servo.target_motion import (
     TargetMotion,
@@ -45,6 +46,10 @@ class ServoMemory:
     command: Float[np.ndarray, "M"]
     """The last command (v_x, v_y, v_z, ω_z, joint rates)."""
     command_time: float
+    following: Following
+    """How the vehicle keeps up."""
+    readiness: float
+    """From 0 when guidance begins to 1 when the law is fully in force."""
     reached: bool
     motion: TargetMotion | None
     """The target's motion at `stamp`."""
@@ -57,8 +62,8 @@ class ServoMemory:
     def blank(cls, joints: int) -> ServoMemory:
         none = -np.inf
         return cls(
-            np.eye(4), none, np.eye(4), none, 0, np.zeros(4 + joints), none, False, None,
-            (), none,
+            np.eye(4), none, np.eye(4), none, 0, np.zeros(4 + joints), none,
+            Following.none(), 0.0, False, None, (), none,
         )  # fmt: skip
 
     def camera_twist(self, start: float, end: float) -> Float[np.ndarray, "6"]:
@@ -77,24 +82,25 @@ class ServoMemory:
 
     def target_now(
         self, config: PadServoConfig, *, symmetric: bool
-    ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6"]]:
-        """The believed pose carried on to now over the image's latency, and the target's twist.
+    ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6"], Float[np.ndarray, "3"]]:
+        """The believed pose carried on to now over the image's latency; the target's twist and
+        acceleration over ground, camera axes.
 
-        The velocity is that of `config.lead` ahead, when the vehicle will have followed.
+        The velocity is that of half a period ahead, the mean until the next command.
         """
         if self.motion is None:
-            return self.T_cam_obj, np.zeros(6)
+            return self.T_cam_obj, np.zeros(6), np.zeros(3)
         own = self.camera_twist(self.stamp, self.now)
         seen = replace(self.motion, T_cam_obj=self.T_cam_obj)
         latency = max(self.now - self.stamp, 0.0)
         target = carry_motion(seen, own, latency, config.noise.maneuver_time)
         twist = target.twist.copy()
-        twist[:3] += target.acceleration * config.lead
+        twist[:3] += target.acceleration * config.period / 2
         if symmetric:  # its spin about its own axis is neither seen nor followed
             y = target.T_cam_obj[:3, 1]
             twist[3:] -= y * (y @ twist[3:])
         in_view = target.T_cam_obj[2, 3] > MIN_DEPTH
-        return target.T_cam_obj if in_view else self.T_cam_obj, twist
+        return target.T_cam_obj if in_view else self.T_cam_obj, twist, target.acceleration
 
 
 def admit(

@@ -16,10 +16,12 @@ from robust6dof.frames import TrackState
 from robust6dof.geometry.transforms import check_transform
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.servo.config import PadServoConfig
+from robust6dof.servo.following import Following
 from robust6dof.servo.ibvs import ibvs_law
 from robust6dof.servo.interaction import rotation_error_vector
 from robust6dof.servo.laws import Sight, coupled_law, printed_law
 from robust6dof.servo.memory import ServoMemory, admit
+from robust6dof.servo.own_reading import OwnReading, read_own
 from robust6dof.servo.pbvs import pbvs_law
 from robust6dof.servo.safety import ServoState, keep_clear, limit_acceleration, saturate
 
@@ -49,15 +51,11 @@ class ServoCommand:
 
 
 @dataclass(frozen=True, eq=False)
-class _Reading:
-    """The vehicle's own state at one step."""
+class _Target:
+    """The target's motion over ground, body axes."""
 
-    joints: Float[np.ndarray, "N"]
-    tilt_rates: Float[np.ndarray, "2"]
-    J: Float[np.ndarray, "6 M"]
-    camera_twist: Float[np.ndarray, "6"]
-    height: float | None
-    now: float
+    velocity: Float[np.ndarray, "3"]
+    acceleration: Float[np.ndarray, "3"]
 
 
 @dataclass
@@ -123,8 +121,9 @@ class PadServo:
         )
         if now is None:
             now = stamp if stamp > self.memory.now else self.memory.now + self.config.period
-        own = _own_motion(self.memory, velocity_body, yaw_rate, joint_rates)
-        reading = _read(self.robot, self.config, joints, tilt_rates, own, height, now)
+        motion = (velocity_body, yaw_rate, joint_rates)
+        reading = read_own(self.robot, self.config, self.memory.command, joints, tilt_rates,
+                           motion, height, now)  # fmt: skip
         if reading is None:
             return self._hold(ServoState.HOLD_INVALID)
         self.memory, refusal = admit(
@@ -141,50 +140,80 @@ class PadServo:
         return self._guide(T_cam_obj_goal, reading, symmetric)
 
     def _guide(
-        self, T_cam_obj_goal: Float[np.ndarray, "4 4"], reading: _Reading, symmetric: bool
+        self, T_cam_obj_goal: Float[np.ndarray, "4 4"], reading: OwnReading, symmetric: bool
     ) -> ServoCommand:
         T_cam_obj = self.memory.T_cam_obj
         sight = Sight(
             T_cam_obj, T_cam_obj_goal, reading.joints, reading.tilt_rates, reading.J, symmetric
         )
-        command, target_velocity = self._law(sight)
-        command = self._make_safe(command, sight, reading)
+        self._account(reading)
+        wanted, target = self._law(sight)
+        wanted *= self.config.share_in_force(self.memory.readiness)
+        asked = self._ahead(wanted, target, reading)
+        command = self._make_safe(asked, sight, reading)
         translation, rotation = _errors(T_cam_obj, T_cam_obj_goal, symmetric)
         state = self._stop_test(translation, rotation)
+        # What the limits take back is not wanted: the vehicle owes it to nobody.
+        following = replace(self.memory.following, wanted=(wanted + command - asked)[:3])
         self.memory = replace(
-            self.memory, command=command, command_time=reading.now, reached=state == "reached"
-        )
+            self.memory, command=command, command_time=reading.now, following=following,
+            reached=state == "reached",
+        )  # fmt: skip
         return ServoCommand(
             command[:3], float(command[3]), command[4:], state, translation, rotation,
-            target_velocity,
+            target.velocity,
         )  # fmt: skip
 
-    def _law(self, sight: Sight) -> tuple[Float[np.ndarray, "M"], Float[np.ndarray, "3"]]:
-        """The law's bare command, and the target's velocity in body axes that it used."""
-        still = np.zeros(3)
-        match self.config.law:
+    def _account(self, reading: OwnReading) -> None:
+        """Take in what the vehicle did since the last step."""
+        dt, following = self._elapsed(reading.now), self.memory.following
+        if reading.velocity is not None:
+            limit = self.config.max_shortfall
+            following = following.moved(reading.velocity, reading.yaw_rate, dt, limit)
+        readiness = min(1.0, self.memory.readiness + dt / max(self.config.soft_start, 1e-6))
+        self.memory = replace(self.memory, following=following, readiness=readiness)
+
+    def _law(self, sight: Sight) -> tuple[Float[np.ndarray, "M"], _Target]:
+        """The law's bare command, and the target's motion that it used."""
+        config, still = self.config, _Target(np.zeros(3), np.zeros(3))
+        match config.law:
             case "printed":
-                return printed_law(self.robot, sight, self.config), still
+                return printed_law(self.robot, sight, config), still
             case "ibvs":
-                return ibvs_law(self.robot, sight, self.config), still
+                return ibvs_law(self.robot, sight, config), still
             case "pbvs":
-                return pbvs_law(self.robot, sight, self.config), still
+                return pbvs_law(self.robot, sight, config), still
             case "coupled":
-                return coupled_law(self.robot, sight, self.config), still
+                return coupled_law(self.robot, sight, config), still
             case "feedforward":
-                T_now, twist = self.memory.target_now(self.config, symmetric=sight.symmetric)
+                T_now, twist, a = self.memory.target_now(config, symmetric=sight.symmetric)
                 sight = replace(sight, T_cam_obj=T_now)
                 R_body_cam = self.robot.T_body_cam(sight.joints)[:3, :3]
-                command = coupled_law(self.robot, sight, self.config, twist)
-                return command, R_body_cam @ twist[:3]
+                target = _Target(R_body_cam @ twist[:3], R_body_cam @ a)
+                return coupled_law(self.robot, sight, config, twist), target
+
+    def _ahead(
+        self, wanted: Float[np.ndarray, "M"], target: _Target, reading: OwnReading
+    ) -> Float[np.ndarray, "M"]:
+        """What to ask of a vehicle that follows late (`feedforward` only)."""
+        if self.config.law != "feedforward":
+            return wanted
+        velocity = self.memory.following.command(
+            wanted[:3], target.velocity, target.acceleration, reading.yaw_rate, self.config
+        )
+        return np.concatenate([velocity, wanted[3:]])
+
+    def _elapsed(self, now: float) -> float:
+        """Time since the last command, at most two periods [s]; one before the first."""
+        elapsed, period = now - self.memory.command_time, self.config.period
+        return min(elapsed, 2 * period) if 0 < elapsed < np.inf else period
 
     def _make_safe(
-        self, command: Float[np.ndarray, "M"], sight: Sight, reading: _Reading
+        self, command: Float[np.ndarray, "M"], sight: Sight, reading: OwnReading
     ) -> Float[np.ndarray, "M"]:
         limits, max_rates = self.config.limits, self.robot.arm.max_rates
-        elapsed = reading.now - self.memory.command_time
-        dt = float(np.clip(elapsed, 0.0, 2 * self.config.period)) or self.config.period
         command = saturate(command, max_rates, limits)
+        dt = self._elapsed(reading.now)
         command = limit_acceleration(command, self.memory.command[:3], dt, limits)
         J_command = np.hstack([sight.J_s, sight.J_mr])[:3]
         t_cam_obj = self.memory.T_cam_obj[:3, 3]
@@ -201,7 +230,12 @@ class PadServo:
 
     def _hold(self, state: ServoState) -> ServoCommand:
         n = len(self.robot.arm.joints)
-        self.memory = replace(self.memory, command=np.zeros(4 + n), reached=False)
+        lost = self.config.period / max(self.config.soft_start, 1e-6)
+        self.memory = replace(
+            self.memory, command=np.zeros(4 + n), command_time=self.memory.now,
+            following=Following.none(),
+            readiness=max(0.0, self.memory.readiness - lost), reached=False,
+        )  # fmt: skip
         return ServoCommand(np.zeros(3), 0.0, np.zeros(n), state, np.nan, np.nan, np.zeros(3))
 
 
@@ -210,42 +244,6 @@ def _check_goal(T_cam_obj_goal: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "
     if T_cam_obj_goal[2, 3] <= 0:
         raise InputError("T_cam_obj_goal puts the object behind the camera; its z must be positive")
     return T_cam_obj_goal
-
-
-def _own_motion(
-    memory: ServoMemory,
-    velocity_body: np.ndarray | None,
-    yaw_rate: float | None,
-    joint_rates: np.ndarray | None,
-) -> Float[np.ndarray, "M"]:
-    """(v, ω_z, η̇) as measured, else as commanded."""
-    own = memory.command.copy()
-    if velocity_body is not None:
-        own[:3] = velocity_body
-    if yaw_rate is not None:
-        own[3] = yaw_rate
-    if joint_rates is not None:
-        own[4:] = joint_rates
-    return own
-
-
-def _read(
-    robot: AerialManipulator,
-    config: PadServoConfig,
-    joints: np.ndarray,
-    tilt_rates: np.ndarray,
-    own: np.ndarray,
-    height: float | None,
-    now: float,
-) -> _Reading | None:
-    """The readings, checked and clipped; None where one is not finite."""
-    values = np.concatenate([joints, tilt_rates, own, [now, 0.0 if height is None else height]])
-    if not np.isfinite(values).all():
-        return None
-    tilt_rates = np.clip(tilt_rates, -config.max_tilt_rate, config.max_tilt_rate)
-    J = robot.camera_jacobian(joints)
-    camera_twist = J @ np.concatenate([own[:3], tilt_rates, own[3:]])
-    return _Reading(joints, tilt_rates, J, camera_twist, height, now)
 
 
 def _errors(

@@ -3,11 +3,12 @@
 A Kalman filter in camera axes. With the camera's own twist (v, ω) known, the object's centre p,
 velocity v_o and acceleration a_o (over ground, in camera axes) move as
 
-    ṗ = v_o − v − ω × p,     v̇_o = a_o − ω × v_o,     ȧ_o = −a_o/τ − ω × a_o + white jerk
+    ṗ = v_o − v − ω × p,   v̇_o = a_o − ω × v_o,   ȧ_o = −a_o/τ + (ω_o − ω) × a_o + white jerk
 
-(Singer's model of a manoeuvring target, 1970), and the rotation R_cam_obj and angular velocity
-ω_o as Ṙ = [ω_o − ω]× R, ω̇_o = −ω × ω_o + white angular acceleration. Noise is the same along
-every axis and turning keeps it so: one covariance serves the three axes of each.
+(Singer's model of a manoeuvring target, 1970, whose acceleration turns with it), and the rotation
+R_cam_obj and angular velocity ω_o as Ṙ = [ω_o − ω]× R, ω̇_o = −ω × ω_o + white angular
+acceleration. Noise is the same along every axis and turning keeps it so: one covariance serves the
+three axes of each.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ from robust6dof.servo.interaction import nearest_symmetric_turn
 class TargetMotionNoise:
     """What the filter assumes (standard deviations; densities for the white accelerations)."""
 
-    position: float = 0.005
+    position: float = 0.003
     """Of a measured position [m]."""
     rotation: float = 0.03
     """Of a measured rotation about any axis [rad]."""
-    acceleration: float = 0.3
+    acceleration: float = 0.5
     """Of the target's acceleration [m/s²]."""
-    maneuver_time: float = 1.0
+    maneuver_time: float = 2.0
     """τ: how long an acceleration typically lasts [s]."""
     angular_acceleration: float = 0.1
     """Of the target's angular acceleration, density [rad/s² per √Hz]."""
-    own_speed: float = 0.03
+    own_speed: float = 0.01
     """Of the camera's own linear velocity as told [m/s]."""
-    own_turn: float = 0.03
+    own_turn: float = 0.01
     """Of the camera's own angular velocity as told [rad/s]."""
     first_speed: float = 0.3
     """Of the target's speed before anything was seen [m/s]."""
@@ -86,7 +87,7 @@ def carry_motion(
         motion,
         T_cam_obj=make_transform(back @ spin @ motion.T_cam_obj[:3, :3], back @ t),
         twist=np.concatenate([back @ (v + a * dt), back @ omega]),
-        acceleration=back @ a * np.exp(-dt / maneuver_time),
+        acceleration=back @ spin @ a * np.exp(-dt / maneuver_time),
     )
 
 

@@ -2,6 +2,10 @@
 
 It takes what PAD-Servo gives, a body-frame velocity and a yaw rate, and turns it into thrust and
 torque. Roll and pitch are its own business: they follow from the acceleration it needs.
+
+The demanded velocity is shaped first, as ArduCopter's guided mode does it: the loop follows a
+first-order response to the demand, whose acceleration it knows and feeds forward, so that its
+integrator answers to wind and drag alone.
 """
 
 from __future__ import annotations
@@ -19,19 +23,21 @@ GRAVITY = 9.81
 class AutopilotConfig:
     """Gains of the three loops, each about three times faster than the one around it."""
 
-    velocity_gain: tuple[float, float, float] = (2.6, 2.6, 4.0)
-    """Acceleration for each m/s of velocity error, world axes [1/s]."""
+    velocity_lag: float = 0.25
+    """Time constant with which the velocity follows its demand [s]."""
+    velocity_gain: tuple[float, float, float] = (3.5, 3.5, 4.0)
+    """Acceleration for each m/s off that response, world axes [1/s]."""
     velocity_integral_gain: tuple[float, float, float] = (1.2, 1.2, 1.5)
     """[1/s²]"""
     max_acceleration: float = 4.0
     """Of the velocity loop's demand, per axis [m/s²]."""
     max_tilt: float = np.deg2rad(20.0)
     """Of the thrust axis [rad]."""
-    attitude_gain: tuple[float, float, float] = (7.0, 7.0, 3.0)
+    attitude_gain: tuple[float, float, float] = (9.0, 9.0, 3.0)
     """Body rate for each radian of attitude error [1/s]."""
     max_rate: tuple[float, float, float] = (3.0, 3.0, 1.5)
     """Of the rate demand [rad/s]."""
-    rate_gain: tuple[float, float, float] = (20.0, 20.0, 9.0)
+    rate_gain: tuple[float, float, float] = (25.0, 25.0, 9.0)
     """Angular acceleration for each rad/s of rate error [1/s]."""
     rate_integral_gain: tuple[float, float, float] = (15.0, 15.0, 5.0)
     """[1/s²]"""
@@ -45,6 +51,8 @@ class AutopilotState:
 
     yaw: float
     """Yaw set-point [rad]."""
+    velocity: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Where the velocity should be by now, world axes [m/s]."""
     acceleration: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
     """Integral part of the velocity loop, world axes [m/s²]."""
     angular_acceleration: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
@@ -122,11 +130,15 @@ class Autopilot:
         dt: float,
     ) -> tuple[AutopilotState, Float[np.ndarray, "3"]]:
         limit = self.config.max_acceleration
-        error = estimate.R_world_body @ velocity_body - estimate.velocity_world
+        off = estimate.R_world_body @ velocity_body - state.velocity
+        planned = np.clip(off / self.config.velocity_lag, -limit, limit)
+        velocity = state.velocity + planned * dt
+        error = velocity - estimate.velocity_world
         integral = state.acceleration + np.array(self.config.velocity_integral_gain) * error * dt
         integral = np.clip(integral, -limit, limit)
-        demand = np.clip(np.array(self.config.velocity_gain) * error + integral, -limit, limit)
-        return replace(state, acceleration=integral), demand
+        demand = planned + np.array(self.config.velocity_gain) * error + integral
+        state = replace(state, velocity=velocity, acceleration=integral)
+        return state, np.clip(demand, -limit, limit)
 
     def _turn_yaw(
         self, state: AutopilotState, estimate: VehicleEstimate, yaw_rate: float, dt: float

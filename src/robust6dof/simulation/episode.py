@@ -167,7 +167,7 @@ def _draw_path(scenario: Scenario, rng: np.random.Generator) -> Path:
     if motion == "circle":
         return Circle(speed, float(rng.uniform(0.6, 1.0)), heading)
     if motion == "stop-and-go":
-        return StopAndGo(speed, heading)
+        return StopAndGo(speed / 2.0, heading)  # it takes the mean of a drive, half its top speed
     if motion == "excursion":
         distance, travel = rng.uniform(1.2, 1.8), rng.uniform(1.5, 2.5)
         return Excursion(distance, heading, rng.uniform(6.0, 9.0), travel, pause=2.0)

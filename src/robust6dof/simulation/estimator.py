@@ -28,13 +28,15 @@ class EstimatorNoise:
     """Its correlation time [s]."""
     velocity_white: float = 0.006
     """White, per sample [m/s]."""
+    height: float = 0.02
+    """White, per reading [m]: a range finder's."""
     encoder_counts: int = 4096
     """Of a joint's encoder on a full turn; 0 for exact angles."""
 
     @staticmethod
     def none() -> EstimatorNoise:
         """Exact knowledge."""
-        return EstimatorNoise(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0)
+        return EstimatorNoise(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,10 @@ class StateEstimator:
             + self.noise.velocity_white * white[0],
             rates_body=rates_body + state.gyro_bias + self.noise.gyro * white[1],
         )
+
+    def read_height(self, height: float, rng: np.random.Generator) -> float:
+        """Height above the floor [m]."""
+        return height + self.noise.height * float(rng.standard_normal())
 
     def read_encoders(self, joints: Float[np.ndarray, "J"]) -> Float[np.ndarray, "J"]:
         """Joint angles [rad] rounded to the encoder's counts."""

@@ -33,7 +33,7 @@ class GuidanceConfig:
     """Of the loop itself."""
 
     servo: PadServoConfig = field(default_factory=PadServoConfig)
-    """Law, gains, thresholds and rate."""
+    """Law, gains, thresholds and rate; its `vehicle_lag` is set to the plant's."""
     plant: PlantConfig = field(default_factory=PlantConfig)
     """Vehicle and noise; the scenario's wind takes the place of its wind."""
     time_limit: float = 60.0
@@ -112,7 +112,8 @@ class _Loop:
     ) -> None:
         self.episode, self.goal, self.poses, self.config = episode, T_cam_obj_goal, poses, config
         self.symmetric = episode.world.symmetric
-        self.servo = PadServo(manipulator, config.servo)
+        lag = config.plant.autopilot.velocity_lag
+        self.servo = PadServo(manipulator, replace(config.servo, vehicle_lag=lag))
         self.plant = _make_plant(episode, manipulator, config.plant)
         self.camera = EyeInHand(episode, manipulator, config.plant.quadrotor, config.sensor)
         self.pending: list[PoseEstimate] = []
@@ -181,6 +182,7 @@ class _Loop:
             velocity_body=reading.velocity_body,
             yaw_rate=reading.yaw_rate,
             joint_rates=reading.joint_rates,
+            height=reading.height,
         )
 
     def _row(self, step: GuidanceStep, reading: OnboardReading) -> Row:

@@ -86,18 +86,24 @@ class VehicleState:
 
 @dataclass(frozen=True, eq=False)
 class OnboardReading:
-    """What the vehicle measures of itself and hands to guidance."""
+    """What the vehicle measures of itself and hands to guidance.
+
+    Rates and velocities are means since the last reading: times the period they are what the
+    vehicle really moved.
+    """
 
     joints: Float[np.ndarray, "4"]
-    """Encoder angles [rad]."""
+    """Encoder angles now [rad]."""
     tilt_rates: Float[np.ndarray, "2"]
-    """The gyroscope's (ω_x, ω_y), averaged since the last reading [rad/s]."""
+    """The gyroscope's (ω_x, ω_y) [rad/s]."""
     velocity_body: Float[np.ndarray, "3"]
     """Estimated, body axes [m/s]."""
     yaw_rate: float
-    """The gyroscope's ω_z, averaged as well [rad/s]."""
+    """The gyroscope's ω_z [rad/s]."""
     joint_rates: Float[np.ndarray, "4"]
     """From the encoders [rad/s]."""
+    height: float
+    """Above the floor, as estimated [m]."""
 
 
 class AerialPlant:
@@ -131,7 +137,7 @@ class AerialPlant:
         self._errors = self._estimator.start(rng)
         self._wind = Wind(config.wind)
         self._turbulence = self._wind.start(rng)
-        self._rates: list[Float[np.ndarray, "3"]] = []
+        self._motions: list[Float[np.ndarray, "M"]] = []
         self._base = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "base")
         self._place(T_world_body, joints)
 
@@ -171,17 +177,24 @@ class AerialPlant:
         )
 
     def read(self) -> OnboardReading:
-        """What guidance is told; averages the gyroscope since the last call."""
-        estimate = self._estimate()
-        rates = np.mean(self._rates or [estimate.rates_body], axis=0)
-        self._rates = []
+        """What guidance is told; averages what moved since the last call."""
+        # MuJoCo moves by the velocity at the end of a step: the first is the last period's.
+        motions = [*self._motions[1:], self._motion(self._estimate())]
+        motion = np.mean(motions, axis=0)
+        self._motions = []
         return OnboardReading(
-            self._estimator.read_encoders(self.data.qpos[7:]),
-            rates[:2],
-            estimate.R_world_body.T @ estimate.velocity_world,
-            float(rates[2]),
-            self.data.qvel[6:].copy(),
+            joints=self._estimator.read_encoders(self.data.qpos[7:]),
+            tilt_rates=motion[3:5],
+            velocity_body=motion[:3],
+            yaw_rate=float(motion[5]),
+            joint_rates=motion[6:],
+            height=self._estimator.read_height(float(self.data.qpos[2]), self._rng),
         )
+
+    def _motion(self, estimate: VehicleEstimate) -> Float[np.ndarray, "M"]:
+        """(v, ω, η̇) as estimated now, body axes."""
+        velocity = estimate.R_world_body.T @ estimate.velocity_world
+        return np.concatenate([velocity, estimate.rates_body, self.data.qvel[6:]])
 
     def advance(self, command: VehicleCommand, duration: float) -> None:
         """Fly `command` for `duration` [s]."""
@@ -193,7 +206,7 @@ class AerialPlant:
         self._errors = self._estimator.step(self._errors, dt, self._rng)
         self._turbulence = self._wind.step(self._turbulence, dt, self._rng)
         self._loops, thrust, torque, estimate = self._control(command)
-        self._rates.append(estimate.rates_body)
+        self._motions.append(self._motion(estimate))
         self.data.ctrl[:4] = self._mixer.rotor_thrusts(thrust, torque)
         self.data.ctrl[4:] = command.joint_rates
         self._blow()

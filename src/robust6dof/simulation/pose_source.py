@@ -61,11 +61,6 @@ class TruePoses:
         return PoseEstimate(T_cam_obj, self.extents, 1.0, TrackState.TRACKING, time, due, 0.0)
 
 
-@runtime_checkable
-class LoopTracker(PoseTracker, Protocol):
-    """Any `PoseTracker`; one whose type can be checked at run time."""
-
-
 class TrackedPoses:
     """A tracker in the loop. The first image comes with a start hint, all others alone.
 
@@ -79,7 +74,7 @@ class TrackedPoses:
 
     def __init__(
         self,
-        tracker: LoopTracker,
+        tracker: PoseTracker,
         extents: Float[np.ndarray, "3"],
         latency: float,
         measured: bool = False,
