@@ -29,7 +29,8 @@ def synthesize(plan: SequencePlan, out: Path) -> Path:
     folder = out / plan.name
     if is_done(plan, folder):
         return folder
-    making = out / f".{plan.name}.making"
+    # Beside the set, so that whoever reads it meanwhile meets whole recordings only.
+    making = out.absolute().parent / f".{out.absolute().name}.{plan.name}.making"
     shutil.rmtree(making, ignore_errors=True)
     target, alike = _objects(plan)
     sequence = SyntheticSequence.draw(target, plan.difficulty, plan.seed, plan.frames, alike=alike)
