@@ -24,6 +24,13 @@ GOOD = Outcome(
     time_ratio=1.1,
     tracker_ms=20.0,
     lag_m=None,
+    steady_tracking_rad=0.02,
+    steady_tracking_m=0.004,
+    steady_control_rad=0.03,
+    steady_control_m=0.02,
+    energy_linear=1.0,
+    energy_angular=0.5,
+    limits_broken=("tilt",),
     touched=False,
 )
 BAD = replace(GOOD, seed=2, reached=False, time_s=None, time_ratio=None)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from robust6dof.cli.options import CommonOptions
 
 if TYPE_CHECKING:
+    from robust6dof.servo.config import Law
     from robust6dof.simulation.episode import Episode
     from robust6dof.simulation.guidance import GuidanceConfig
     from robust6dof.simulation.outcome import Outcome
     from robust6dof.simulation.pose_source import PoseSource
+    from robust6dof.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,15 @@ class Options(CommonOptions):
     """table, moving, occlusion, leave-and-return or gust."""
     category: str = "any"
     """bottle, bowl, camera, can, laptop or mug; any draws one for each seed."""
+    path: Literal["straight", "circle", "stop-and-go", "mixed"] | None = None
+    """How the target of `moving` drives; drawn for each seed if not given."""
+    speed: float | None = None
+    """How fast it drives [m/s]; drawn between 0.1 and 0.5 if not given."""
     seeds: str | None = None
     """Runs to make: 7, or 0..19 (both included), or 1,4,9. Without it the one of --seed."""
-    law: Literal["printed", "coupled", "feedforward", "ibvs", "pbvs"] = "coupled"
-    """How errors become velocities: three readings of PAD-Servo, and two laws to compare with."""
+    law: str = "coupled"
+    """How errors become velocities: printed, coupled or feedforward (PAD-Servo), ibvs or pbvs.
+    Several, as in coupled,feedforward, are flown from the same starts and compared."""
     poses: Literal["tracker", "truth"] = "tracker"
     """What the servo is fed: a tracker's poses from the rendered images, or the simulation's."""
     tracker: str = "icp"
@@ -46,31 +53,51 @@ class Options(CommonOptions):
     """Put objects of the target's own category beside it too."""
     video: bool = True
     """Write guidance.mp4."""
+    plots: bool = True
+    """Draw velocities.png and errors.png for each seed."""
     processes: int | None = None
     """Runs at a time; one for each core if not given."""
 
 
 def run(options: Options) -> None:
-    """Fly all seeds and write their folders and campaign.json."""
+    """Fly all seeds under every law; write their folders, campaign.json and, for several laws,
+    laws.md."""
+    from dataclasses import replace
+
+    from robust6dof.simulation.comparison import law_table
+
+    _check(options)
+    _announce(options)
+    laws = _laws(options)
+    if len(laws) == 1:
+        _campaign(options)
+        return
+    campaigns = {law: _campaign(replace(options, law=law, out=options.out / law)) for law in laws}
+    table = law_table(campaigns)
+    (options.out / "laws.md").write_text(table)
+    print(table, end="")
+
+
+def _campaign(options: Options) -> dict[str, Any]:
+    """All seeds under one law; returns what campaign.json says of them."""
     import json
     import os
 
     from robust6dof.simulation.campaign import finished, parse_seeds, run_all, seed_folder
     from robust6dof.simulation.outcome import sum_up
-    from robust6dof.simulation.scenario import scenario_named
 
     seeds = parse_seeds(options.seeds or str(options.seed))
-    scenario_named(options.scenario)
-    _check(options)
     settings = _settings(options)
     done = {seed: finished(seed_folder(options.out, seed), settings) for seed in seeds}
     outcomes = [outcome for outcome in done.values() if outcome is not None]
     todo = [seed for seed in seeds if done[seed] is None]
-    _announce(options, len(outcomes))
+    if outcomes:
+        print(f"{len(outcomes)} finished runs of the same settings are kept")
     options.out.mkdir(parents=True, exist_ok=True)
-    processes = options.processes or os.cpu_count() or 1
     try:
-        for outcome in run_all(partial(fly, options), todo, processes):
+        for outcome in run_all(
+            partial(fly, options), todo, options.processes or os.cpu_count() or 1
+        ):
             outcomes.append(outcome)
             print(_line(outcome, len(outcomes), len(seeds)), flush=True)
     finally:
@@ -79,6 +106,7 @@ def run(options: Options) -> None:
             text = json.dumps(settings | campaign, indent=1)
             (options.out / "campaign.json").write_text(text + "\n")
     _report(options, campaign)
+    return campaign
 
 
 def fly(options: Options, seed: int) -> Outcome:
@@ -90,7 +118,6 @@ def fly(options: Options, seed: int) -> Outcome:
     from robust6dof.simulation.episode import EpisodeOptions
     from robust6dof.simulation.guidance import run_guidance
     from robust6dof.simulation.outcome import judge_run
-    from robust6dof.simulation.scenario import scenario_named
     from robust6dof.simulation.start import draw_episode
     from robust6dof.visualization.guidance_plots import plot_errors, plot_velocities
     from robust6dof.visualization.guidance_video import GuidanceVideo
@@ -98,7 +125,7 @@ def fly(options: Options, seed: int) -> Outcome:
     manipulator, goal, config = default_aerial_manipulator(), _goal(options), _config(options)
     category = None if options.category == "any" else options.category
     drawn = EpisodeOptions(category, options.same_category_clutter)
-    episode = draw_episode(scenario_named(options.scenario), drawn, manipulator, goal, seed)
+    episode = draw_episode(_scenario(options), drawn, manipulator, goal, seed)
     folder = seed_folder(options.out, seed)
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -118,8 +145,9 @@ def fly(options: Options, seed: int) -> Outcome:
         flown = run_guidance(episode, manipulator, goal, poses, config, observers)
     outcome = judge_run(seed, episode.world.target.category, flown, config)
     flown.trace.write(folder / "trace.csv")
-    plot_velocities(flown.trace, folder / "velocities.png")
-    plot_errors(flown.trace, folder / "errors.png", config.servo.delta_R, config.servo.delta_T)
+    if options.plots:
+        plot_velocities(flown.trace, folder / "velocities.png")
+        plot_errors(flown.trace, folder / "errors.png", config.servo.delta_R, config.servo.delta_T)
     store(folder, outcome, _settings(options))
     return outcome
 
@@ -129,6 +157,7 @@ def _check(options: Options) -> None:
     from robust6dof.baselines.registry import make_tracker
     from robust6dof.errors import InputError
     from robust6dof.frames import CATEGORIES
+    from robust6dof.servo.config import LAWS
 
     if options.category not in ("any", *CATEGORIES):
         names = ", ".join(CATEGORIES)
@@ -137,7 +166,32 @@ def _check(options: Options) -> None:
         raise InputError("--time-limit must be positive and --latency-ms at least 0")
     if options.poses == "tracker":
         make_tracker(options.tracker, "mug")
+    for law in _laws(options):
+        if law not in LAWS:
+            raise InputError(f"no law '{law}'; there is: {', '.join(LAWS)}")
+    if options.speed is not None and not 0 < options.speed <= 1:
+        raise InputError(f"--speed must be over 0 and at most 1 m/s, got {options.speed}")
+    _scenario(options)
     _goal(options)
+
+
+def _laws(options: Options) -> list[str]:
+    return list(dict.fromkeys(law.strip() for law in options.law.split(",")))
+
+
+def _scenario(options: Options) -> Scenario:
+    from dataclasses import replace
+
+    from robust6dof.errors import InputError
+    from robust6dof.simulation.scenario import scenario_named
+
+    scenario = scenario_named(options.scenario)
+    if options.path is None and options.speed is None:
+        return scenario
+    if scenario.motion != "mixed":
+        raise InputError("--path and --speed are for --scenario moving")
+    speed = scenario.speed if options.speed is None else (options.speed, options.speed)
+    return replace(scenario, motion=options.path or scenario.motion, speed=speed)
 
 
 def _goal(options: Options) -> Any:
@@ -150,7 +204,8 @@ def _config(options: Options) -> GuidanceConfig:
     from robust6dof.servo.config import PadServoConfig
     from robust6dof.simulation.guidance import GuidanceConfig
 
-    return GuidanceConfig(PadServoConfig(law=options.law), time_limit=options.time_limit)
+    law = cast("Law", options.law)
+    return GuidanceConfig(PadServoConfig(law=law), time_limit=options.time_limit)
 
 
 def _pose_source(options: Options, episode: Episode) -> PoseSource:
@@ -168,16 +223,17 @@ def _settings(options: Options) -> dict[str, Any]:
     """All that decides a run's result, for campaign.json and to know a finished seed again."""
     from robust6dof import __version__
 
-    keys = "scenario category law poses tracker standoff goal time_limit latency_ms measured_delay"
+    keys = (
+        "scenario category path speed law poses tracker standoff goal time_limit latency_ms "
+        "measured_delay same_category_clutter video plots"
+    )
     settings = {key: getattr(options, key) for key in keys.split()}
-    settings["same_category_clutter"] = options.same_category_clutter
-    settings["video"] = options.video
     settings["goal"] = None if options.goal is None else _goal(options).tolist()
     settings["tracker"] = options.tracker if options.poses == "tracker" else None
     return settings | {"version": __version__}
 
 
-def _announce(options: Options, kept: int) -> None:
+def _announce(options: Options) -> None:
     if options.poses == "tracker":
         print(
             f"poses: tracker '{options.tracker}', started with the true pose, size and mask of "
@@ -185,8 +241,6 @@ def _announce(options: Options, kept: int) -> None:
         )
     else:
         print("poses: simulation truth (no tracker)")
-    if kept:
-        print(f"{kept} finished runs of the same settings are kept")
 
 
 def _line(outcome: Outcome, count: int, total: int) -> str:
@@ -197,10 +251,12 @@ def _line(outcome: Outcome, count: int, total: int) -> str:
             f"; pose error {outcome.tracking_error_deg:.1f} deg, "
             f"{100.0 * outcome.tracking_error_m:.1f} cm"
         )
+    lag = "" if outcome.lag_m is None else f"; lag {100.0 * outcome.lag_m:.1f} cm"
+    broken = "" if not outcome.limits_broken else f"; broke {', '.join(outcome.limits_broken)}"
     return (
         f"[{count}/{total}] seed {outcome.seed} ({outcome.category}): {result}; at the end "
         f"{100.0 * outcome.final_translation_m:.1f} cm, {outcome.final_rotation_rad:.3f} rad"
-        f"{tracking}"
+        f"{tracking}{lag}{broken}"
     )
 
 
@@ -208,6 +264,13 @@ def _report(options: Options, campaign: dict[str, Any]) -> None:
     rate = campaign["success_rate"]
     if rate is None:
         return
-    time = campaign["median_time_s"]
-    when = "" if time is None else f", median time {time:.1f} s"
-    print(f"{campaign['runs']} runs, {100.0 * rate:.0f} % reached the goal{when}: {options.out}")
+    parts = [f"{campaign['runs']} runs, {100.0 * rate:.0f} % reached the goal"]
+    for key, text in (
+        ("median_time_s", "median time {:.1f} s"),
+        ("median_time_ratio", "{:.2f} times the bound"),
+        ("worst_lag_m", "worst lag {:.3f} m"),
+    ):
+        if campaign[key] is not None:
+            parts.append(text.format(campaign[key]))
+    parts.append(f"limits broken in {len(campaign['limits_broken_seeds'])} runs")
+    print(f"{', '.join(parts)}: {options.out}")

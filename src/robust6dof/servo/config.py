@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from robust6dof.servo.target_motion import TargetMotionNoise
 Law = Literal["printed", "coupled", "feedforward", "ibvs", "pbvs"]
 """PAD-Servo as printed, with both loops solved as one, and that with the target's velocity fed
 forward; image-based and pose-based servoing to compare with."""
+
+LAWS: tuple[Law, ...] = get_args(Law)
+"""All of them."""
 
 
 @dataclass(frozen=True)

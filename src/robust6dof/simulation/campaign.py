@@ -47,6 +47,7 @@ def finished(folder: Path, settings: Mapping[str, Any]) -> Outcome | None:
         stored = json.loads((folder / _SETTINGS).read_text())
         summary = json.loads((folder / _SUMMARY).read_text())
         same = stored == json.loads(json.dumps(settings))
+        summary["limits_broken"] = tuple(summary.get("limits_broken", ()))
         return Outcome(**summary) if same else None
     except (OSError, ValueError, TypeError):
         return None

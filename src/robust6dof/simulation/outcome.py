@@ -7,10 +7,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.simulation.guidance import GuidanceConfig, GuidanceRun
 from robust6dof.simulation.judge import Arrival, GoalError
+from robust6dof.simulation.limits import broken_limits
 from robust6dof.simulation.trace import Trace
 
 _SETTLED = 20.0
@@ -44,6 +46,18 @@ class Outcome:
     """Median computing time of the tracker."""
     lag_m: float | None
     """95th percentile of the true translation error after the first 20 s; None for shorter runs."""
+    steady_tracking_rad: float | None
+    """Median error of the pose source once settled (the run's last second, or all after 20 s) …"""
+    steady_tracking_m: float | None
+    steady_control_rad: float | None
+    """… and of the loop around it: how far from the goal the servo believed to be."""
+    steady_control_m: float | None
+    energy_linear: float
+    """∫ ‖v‖² dt of the commanded vehicle velocity [m²/s]."""
+    energy_angular: float
+    """∫ (ω_z² + ‖η̇‖²) dt of the commanded yaw and joint rates [rad²/s]."""
+    limits_broken: tuple[str, ...]
+    """Which limits did not hold at some moment (`simulation.limits`)."""
     touched: bool
     """The vehicle ran into the table, the floor or the object."""
 
@@ -59,6 +73,8 @@ def judge_run(seed: int, category: str, run: GuidanceRun, config: GuidanceConfig
     # The estimate is an image's age behind: a stay that the run's end cuts short counts.
     estimated_at = estimated.since if estimated.first is None else estimated.first
     bound = time_bound(trace, config.servo)
+    steady = _steady(trace)
+    linear, angular = command_energy(trace, config.servo.period)
     return Outcome(
         seed=seed,
         category=category,
@@ -75,6 +91,13 @@ def judge_run(seed: int, category: str, run: GuidanceRun, config: GuidanceConfig
         time_ratio=None if run.reached_at is None or bound <= 0 else run.reached_at / bound,
         tracker_ms=_median(trace.column("tracker_ms")),
         lag_m=_lag(trace),
+        steady_tracking_rad=_median(trace.column("tracking_error_rad")[steady]),
+        steady_tracking_m=_median(trace.column("tracking_error_m")[steady]),
+        steady_control_rad=_median(trace.column("estimated_rotation_error_rad")[steady]),
+        steady_control_m=_median(trace.column("estimated_translation_error_m")[steady]),
+        energy_linear=linear,
+        energy_angular=angular,
+        limits_broken=broken_limits(trace, config),
         touched=run.touched,
     )
 
@@ -92,6 +115,14 @@ def time_bound(trace: Trace, config: PadServoConfig) -> float:
     return float(max(translation, rotation))
 
 
+def command_energy(trace: Trace, period: float) -> tuple[float, float]:
+    """∫ ‖v‖² dt [m²/s] and ∫ (ω_z² + ‖η̇‖²) dt [rad²/s] of what was commanded."""
+    linear = trace.columns("vx_cmd_m_s", "vy_cmd_m_s", "vz_cmd_m_s")
+    joints = [f"joint{i}_rate_cmd_rad_s" for i in range(1, 5)]
+    angular = trace.columns("wz_cmd_rad_s", *joints)
+    return float((linear**2).sum() * period), float((angular**2).sum() * period)
+
+
 def sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """A campaign's figures: runs, success_rate, median_time_s over successes, and medians."""
     successes = [outcome for outcome in outcomes if outcome.reached]
@@ -103,6 +134,14 @@ def sum_up(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "median_tracking_error_deg": _middle([o.tracking_error_deg for o in outcomes]),
         "median_tracking_error_m": _middle([o.tracking_error_m for o in outcomes]),
         "median_lag_m": _middle([outcome.lag_m for outcome in outcomes]),
+        "worst_lag_m": max((o.lag_m for o in outcomes if o.lag_m is not None), default=None),
+        "median_steady_tracking_rad": _middle([o.steady_tracking_rad for o in outcomes]),
+        "median_steady_tracking_m": _middle([o.steady_tracking_m for o in outcomes]),
+        "median_steady_control_rad": _middle([o.steady_control_rad for o in outcomes]),
+        "median_steady_control_m": _middle([o.steady_control_m for o in outcomes]),
+        "median_energy_linear": _middle([outcome.energy_linear for outcome in outcomes]),
+        "median_energy_angular": _middle([outcome.energy_angular for outcome in outcomes]),
+        "limits_broken_seeds": [outcome.seed for outcome in outcomes if outcome.limits_broken],
         "touched": sum(outcome.touched for outcome in outcomes),
         "failed_seeds": [outcome.seed for outcome in outcomes if not outcome.reached],
     }
@@ -116,6 +155,11 @@ def _arrival(trace: Trace, prefix: str, config: GuidanceConfig) -> Arrival:
         error = GoalError(np.array(place), np.array(turn))
         arrival = arrival.seen(float(row["time_s"]), error)
     return arrival
+
+
+def _steady(trace: Trace) -> Bool[np.ndarray, "T"]:
+    time = trace.column("time_s")
+    return time > min(_SETTLED, float(time[-1]) - 1.0)
 
 
 def _lag(trace: Trace) -> float | None:
