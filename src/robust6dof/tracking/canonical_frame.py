@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.geometry.transforms import invert_transform, make_transform
 
-_ITERATIONS = 6
+_ITERATIONS = 3
+"""Of each frame; the next one goes on from there."""
 
 
 @dataclass(frozen=True)

@@ -172,21 +172,16 @@ class Tracker:
         seconds = seconds_between(track.stamp, frame.stamp)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
         surface = self._surface.step(memory.surface, frame)
-        features = self._encode(frame, surface, memory)
+        features = self._encode(frame, surface.T_cam_obj, memory)
         if features is not None and surface.confidence < self.config.surface_trust:
             surface = self._tried_again(frame, surface, features, memory)
-            features = self._encode(frame, surface, memory)
+            features = self._encode(frame, surface.T_cam_obj, memory)
         if features is None:
             return self._updated(track, frame, replace(memory, surface=surface), None, 0.0)
         anchor = self._encoder.anchor(features, memory.frames)
         memory = replace(memory, surface=surface)
-        if (
-            min(
-                surface.confidence / self.config.surface_trust,
-                anchor.inlier_share / self.config.anchor_trust,
-            )
-            >= 1.0
-        ):
+        placed = surface.confidence >= self.config.surface_trust
+        if placed and anchor.inlier_share >= self.config.anchor_trust:
             canonical = self._with_look(memory.canonical, surface.T_cam_obj, anchor, memory.seconds)
             memory = replace(memory, canonical=canonical)
         T_cam_obj = surface.T_cam_obj @ memory.canonical.T_model_obj
@@ -194,9 +189,9 @@ class Tracker:
         return self._updated(track, frame, memory, features, confidence)
 
     def _encode(
-        self, frame: RgbdFrame, surface: Track, memory: TrackerMemory
+        self, frame: RgbdFrame, T_cam_model: np.ndarray, memory: TrackerMemory
     ) -> ViewFeatures | None:
-        T_cam_pred = surface.T_cam_obj @ memory.canonical.T_model_obj
+        T_cam_pred = T_cam_model @ memory.canonical.T_model_obj
         extents = memory.shape * memory.canonical.scale
         return self._encoder.encode(frame, T_cam_pred, extents, memory.last.features, memory.frames)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -10,9 +11,12 @@ import torch
 from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame
-from robust6dof.geometry.camera import backproject, crop_intrinsics, project
+from robust6dof.geometry.camera import backproject, project
 from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.network.inputs import ViewBatch
+
+_CANDIDATES = 32
+"""Of a large image window about as many pixels are looked at for each point that is drawn."""
 
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
@@ -64,7 +68,12 @@ def make_view(
     window = _crop_window(frame, T_cam_pred, extents + 2 * config.margin * scale)
     if window is None:
         return None
-    points, pixels = _points_near_box(frame, window, T_cam_pred, extents, scale, config.margin)
+    step = max(1, int((window[2] ** 2 / (_CANDIDATES * config.points)) ** 0.5))
+    offset = rng.integers(step, size=2)
+    box = (T_cam_pred, extents, scale, config.margin)
+    points, pixels = _points_near_box(frame, window, *box, step, offset)
+    if step > 1 and len(points) < config.points:
+        points, pixels = _points_near_box(frame, window, *box)
     if len(points) < config.least_points:
         return None
     chosen = _choose(len(points), config.points, rng)
@@ -105,16 +114,22 @@ def _points_near_box(
     extents: np.ndarray,
     scale: float,
     margin: float,
+    step: int = 1,
+    offset: Sequence[int] | np.ndarray = (0, 0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points in the predicted frame over the scale, and their frame pixels."""
+    """Points of every step-th pixel, in the predicted frame over the scale; and their pixels."""
     x0, y0, side = window
-    left, top = max(int(np.floor(x0)), 0), max(int(np.floor(y0)), 0)
+    corner = np.maximum(np.floor([x0, y0]), 0).astype(int) + offset
+    left, top = corner
     right, bottom = int(np.ceil(x0 + side)) + 1, int(np.ceil(y0 + side)) + 1
-    part = frame.depth[top:bottom, left:right]
-    points_cam, pixels = backproject(part, crop_intrinsics(frame.K, left, top, 1.0))
+    part = frame.depth[top:bottom:step, left:right:step]
+    K_part = frame.K.copy()
+    K_part[:2, 2] -= corner
+    K_part[:2] /= step
+    points_cam, pixels = backproject(part, K_part)
     points = transform_points(invert_transform(T_cam_pred), points_cam) / scale
     near = (np.abs(points) <= extents / (2 * scale) + margin).all(axis=1)
-    return points[near], pixels[near] + [left, top]
+    return points[near], pixels[near] * step + corner
 
 
 def _choose(available: int, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -126,16 +141,20 @@ def _choose(available: int, count: int, rng: np.random.Generator) -> np.ndarray:
 def _crop_color(frame: RgbdFrame, x0: float, y0: float, zoom: float, crop_px: int) -> np.ndarray:
     if not frame.has_color:
         return np.zeros((crop_px, crop_px, 3), np.uint8)
-    shift = np.array([[zoom, 0, (0.5 - x0) * zoom - 0.5], [0, zoom, (0.5 - y0) * zoom - 0.5]])
-    source = frame.rgb
+    source, left, top = frame.rgb, 0, 0
+    ratio = np.ones(2)
     if zoom < 0.5:
-        # Halving first keeps a strong reduction from aliasing.
-        factor = int(1 / zoom)
-        size = (max(frame.width // factor, 1), max(frame.height // factor, 1))
-        source = cv2.resize(frame.rgb, size, interpolation=cv2.INTER_AREA)
-        ratio = np.array([frame.width / size[0], frame.height / size[1]])
-        shift[:, :2] *= ratio
-        shift[:, 2] += (ratio - 1) / 2 * zoom
+        # Averaging first keeps a strong reduction from aliasing.
+        side, factor = crop_px / zoom, int(1 / zoom)
+        left, top = max(int(x0), 0), max(int(y0), 0)
+        source = frame.rgb[top : int(y0 + side) + 2, left : int(x0 + side) + 2]
+        size = (max(source.shape[1] // factor, 1), max(source.shape[0] // factor, 1))
+        ratio = np.array([source.shape[1] / size[0], source.shape[0] / size[1]])
+        source = cv2.resize(source, size, interpolation=cv2.INTER_AREA)
+    # Source pixel p lies at (p + ½) · ratio − ½ + corner in the frame.
+    corner = (ratio - 1) / 2 + [left, top]
+    move = (corner + 0.5 - [x0, y0]) * zoom - 0.5
+    shift = np.array([[zoom * ratio[0], 0, move[0]], [0, zoom * ratio[1], move[1]]])
     return cv2.warpAffine(source, shift, (crop_px, crop_px), flags=cv2.INTER_LINEAR)
 
 
