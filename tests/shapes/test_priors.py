@@ -13,7 +13,14 @@ from robust6dof.errors import DataError, InputError
 from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES
 from robust6dof.shapes.loading import load_category
 from robust6dof.shapes.mesh import ObjectModel, TexturedMesh
-from robust6dof.shapes.priors import PriorConfig, build_prior, chamfer, load_prior, read_prior
+from robust6dof.shapes.priors import (
+    PRIORS_VARIABLE,
+    PriorConfig,
+    build_prior,
+    chamfer,
+    load_prior,
+    read_prior,
+)
 from robust6dof.shapes.procedural import make_object
 from robust6dof.shapes.sampling import sample_surface
 from shared_data import shared_data
@@ -135,3 +142,18 @@ def test_scanned_objects_are_nearest_to_the_prior_of_their_category(category: st
     }
     assert min(distances, key=distances.__getitem__) == category, distances
     assert distances[category] < 0.06
+
+
+def test_a_prior_of_the_users_own_is_found_by_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(PRIORS_VARIABLE, raising=False)
+    with pytest.raises(InputError, match=PRIORS_VARIABLE):
+        load_prior("teapot")
+    points = load_prior("mug")[::-1]
+    np.save(tmp_path / "teapot.npy", points)
+    np.save(tmp_path / "can.npy", points)
+    monkeypatch.setenv(PRIORS_VARIABLE, str(tmp_path))
+    np.testing.assert_array_equal(load_prior("teapot"), points)
+    np.testing.assert_array_equal(load_prior("can"), points)
+    assert load_prior("mug").shape == (2048, 3)

@@ -25,11 +25,14 @@ class Options(CommonOptions):
     video: Annotated[Path, tyro.conf.Positional]
     """Folder of the recording (rgb/, depth/, cam_K.txt; or the layout of 7-Scenes)."""
     category: str
-    """What the object is: bottle, bowl, camera, can, laptop or mug."""
+    """What the object is: bottle, bowl, camera, can, laptop, mug, or one that you built a prior of
+    (robust6dof priors)."""
     out: Path
     """Folder for the results."""
     tracker: str = "icp"
-    """Which tracker: icp, static."""
+    """Which tracker: robust6dof, keypoints, icp, features, static."""
+    weights: Path | None = None
+    """Weights (.safetensors) of the network's trackers; the shipped ones if not given."""
     mask: Path | None = None
     """Image of the object's pixels in the first frame (not zero: object)."""
     box: str | None = None
@@ -62,7 +65,13 @@ def run(options: Options) -> None:
     from robust6dof.baselines.registry import make_tracker
     from robust6dof.data import read_video
 
-    tracker = make_tracker(options.tracker, options.category, seed=options.seed)
+    tracker = make_tracker(
+        options.tracker,
+        options.category,
+        seed=options.seed,
+        weights=options.weights,
+        device=options.device,
+    )
     video = _frame_range(
         read_video(options.video, fps=options.fps, depth_only=options.depth_only), options
     )

@@ -17,6 +17,10 @@ class Options(CommonOptions):
     """Size of the network."""
     data: Literal["aerial"] = "aerial"
     """Where the pairs come from: the synthetic world."""
+    categories: tuple[str, ...] = ("bottle", "bowl", "camera", "can", "laptop", "mug")
+    """Of the objects; with --meshes any name of a folder there that has a prior."""
+    meshes: Path | None = None
+    """Folder with CATEGORY/MESH files: objects from there, not procedural shapes."""
     recipe: Literal["paper", "short"] = "paper"
     """Optimiser and schedule; `short` is for a CPU."""
     steps: int | None = None
@@ -38,7 +42,7 @@ class Options(CommonOptions):
     keypoints: int | None = None
     """Keypoints while training, instead of the preset's."""
     held_out: int = 192
-    """Pairs of other shapes, for validation."""
+    """Pairs of other shapes (with --meshes the same shapes, other views), for validation."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder of checkpoints, log and network."""
 
@@ -53,6 +57,7 @@ def run(options: Options) -> None:
     from robust6dof.network.checkpoint import load_network
     from robust6dof.network.config import preset
     from robust6dof.network.device import resolve_device
+    from robust6dof.shapes.loading import load_category
     from robust6dof.tracking.view import ViewConfig
     from robust6dof.training.loop import TrainConfig, train
     from robust6dof.training.pairs import PairConfig, SyntheticPairs
@@ -75,9 +80,13 @@ def run(options: Options) -> None:
         keypoints=options.keypoints or network.keypoints,
     )
     count = recipe.steps * recipe.batch
+    names, folder = options.categories, options.meshes
+    objects = {name: load_category(folder, name) for name in names} if folder else {}
     rich = ViewConfig(points=2 * points, crop_px=network.crop_px)
     pairs = RepeatedPairs(
-        SyntheticPairs(rich, 2 * prior_points, options.seed, options.epoch),
+        SyntheticPairs(
+            rich, 2 * prior_points, options.seed, options.epoch, categories=names, objects=objects
+        ),
         options.epoch,
         points,
         prior_points,
@@ -85,7 +94,9 @@ def run(options: Options) -> None:
     )
     view = ViewConfig(points=points, crop_px=network.crop_px)
     others = PairConfig(first_object=1_000_000)
-    held_out = SyntheticPairs(view, prior_points, options.seed + 1, options.held_out, others)
+    held_out = SyntheticPairs(
+        view, prior_points, options.seed + 1, options.held_out, others, names, objects
+    )
     end = time.monotonic() + 60 * options.minutes if options.minutes else float("inf")
     train(
         TrainConfig(trained, recipe, seed=options.seed, workers=options.workers),
@@ -97,4 +108,3 @@ def run(options: Options) -> None:
         stop=lambda: time.monotonic() > end,
     )
     print(f"weights: {options.out / 'network.safetensors'}")
-

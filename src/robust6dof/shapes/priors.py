@@ -10,6 +10,7 @@ particular to a category; where azimuth means nothing, instances are first turne
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -28,6 +29,8 @@ from robust6dof.shapes.sampling import farthest_points, sample_surface
 
 PRIOR_POINTS = 2048
 """N_r of the paper."""
+PRIORS_VARIABLE = "ROBUST6DOF_PRIORS"
+"""Environment variable that names the folder of the user's own priors."""
 
 
 @dataclass(frozen=True)
@@ -136,11 +139,18 @@ def _mean_shape(template: _Cloud, instances: Sequence[_Cloud], control_points: i
 
 
 def load_prior(category: str) -> Float32[np.ndarray, "2048 3"]:
-    """The shipped prior of a category: canonical axes, box centred at 0, diagonal 1.
+    """The prior of a category: canonical axes, box centred at 0, diagonal 1.
+
+    A file CATEGORY.npy in the folder that the environment variable ROBUST6DOF_PRIORS names goes
+    before the shipped one, so that every command knows a category of the user's own.
 
     Raises:
-        InputError: no prior is shipped for the category.
+        InputError: there is neither.
+        DataError: the user's file is not a prior.
     """
+    folder = os.environ.get(PRIORS_VARIABLE)
+    if folder and (Path(folder) / f"{category}.npy").is_file():
+        return read_prior(Path(folder) / f"{category}.npy")
     return _shipped(category).copy()
 
 
@@ -166,8 +176,9 @@ def _shipped(category: str) -> Float32[np.ndarray, "2048 3"]:
     file = folder / f"{category}.npy"
     if not file.is_file():
         raise InputError(
-            f"no prior is shipped for '{category}'; build one from your meshes with "
-            f"robust6dof priors --category {category} --meshes DIR --out FILE"
+            f"no prior is known for '{category}'; build one from your meshes with "
+            f"robust6dof priors --category {category} --meshes DIR --out PRIORS/{category}.npy "
+            f"and set {PRIORS_VARIABLE} to that folder"
         )
     with resources.as_file(file) as path:
         return read_prior(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -86,7 +86,10 @@ class _Seen:
 
 
 class SyntheticPairs(Dataset[PairBatch]):
-    """Pair i is drawn from the seed (seed, i) alone: any worker, any order, the same pair."""
+    """Pair i is drawn from the seed (seed, i) alone: any worker, any order, the same pair.
+
+    `objects` are the user's own of some categories, seen instead of procedural ones.
+    """
 
     def __init__(
         self,
@@ -96,6 +99,7 @@ class SyntheticPairs(Dataset[PairBatch]):
         count: int,
         config: PairConfig | None = None,
         categories: Sequence[str] = CATEGORIES,
+        objects: Mapping[str, Sequence[ObjectModel]] | None = None,
     ) -> None:
         self.view = view
         self.prior_points = prior_points
@@ -103,6 +107,7 @@ class SyntheticPairs(Dataset[PairBatch]):
         self.count = count
         self.config = config or PairConfig()
         self.categories = tuple(categories)
+        self.objects = dict(objects or {})
         self.sensor = QuickSensor()
         self.priors = {name: load_prior(name) for name in self.categories}
 
@@ -118,9 +123,7 @@ class SyntheticPairs(Dataset[PairBatch]):
                 return pair
 
     def _draw(self, rng: np.random.Generator, category: str) -> PairBatch | None:
-        target = pool_object(
-            category, self.config.first_object + int(rng.integers(self.config.object_pool))
-        )
+        target = self._object(rng, category)
         T_prev = _draw_view(rng, self.config)
         T_cur = _move(rng, T_prev, self.config)
         close_up = CloseUp.draw(rng, target)
@@ -133,6 +136,14 @@ class SyntheticPairs(Dataset[PairBatch]):
         if seen_prev is None or seen_cur is None:
             return None
         return self._assemble(rng, target, seen_prev, seen_cur)
+
+    def _object(self, rng: np.random.Generator, category: str) -> ObjectModel:
+        own = self.objects.get(category)
+        if own:
+            return own[int(rng.integers(len(own)))]
+        return pool_object(
+            category, self.config.first_object + int(rng.integers(self.config.object_pool))
+        )
 
     def _see(
         self,
