@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 from robust6dof.errors import InputError
@@ -52,6 +53,13 @@ def make_tracker(
     if name not in TRACKERS:
         raise InputError(f"no tracker '{name}'; there is: {', '.join(TRACKERS)}")
     return TRACKERS[name](Ingredients(category, seed, weights, device, cad))
+
+
+def has_shipped_weights() -> bool:
+    """Whether this build holds the weights of `robust6dof`."""
+    from robust6dof.tracking.pretrained import SHIPPED
+
+    return (files("robust6dof") / "weights" / f"{SHIPPED}.safetensors").is_file()
 
 
 def _icp(given: Ingredients) -> PoseTracker:

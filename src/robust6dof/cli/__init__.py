@@ -20,6 +20,7 @@ COMMANDS: dict[str, str] = {
     "bench": "measure speed: the network alone",
     "predict": "run a tracker over a data set and store its poses",
     "evaluate": "score stored poses under a named protocol",
+    "experiment": "make a table and figure of the paper on the data at hand",
     "guide": "guide the simulated aerial manipulator to an object",
     "doctor": "say what a folder of data is and whether it makes sense",
     "priors": "build a category's shape prior from procedural objects or your own meshes",

@@ -106,10 +106,7 @@ def _remarks(info: RunInfo) -> tuple[str, ...]:
     """What of a run's making must be said beside its figures."""
     remarks = [info.remark] if info.remark else []
     if info.frames != FrameChoice():
-        remarks.append(
-            f"only part of the frames: every {info.every}., {info.drop} dropped after the first, "
-            f"{'no bound' if info.most is None else f'at most {info.most}'} on their number"
-        )
+        remarks.append(f"only part of the frames: {info.frames}")
     if info.single_view:
         remarks.append("an estimate of each frame by itself, from its true mask: not tracked")
     if info.init_noise or info.all_noise:

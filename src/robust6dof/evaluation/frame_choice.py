@@ -28,6 +28,12 @@ class FrameChoice:
         if self.every < 1 or self.drop < 0 or (self.most is not None and self.most < 1):
             raise InputError("every and most count from 1, drop from 0")
 
+    def __str__(self) -> str:
+        parts = [f"each {self.every}th"] * (self.every > 1)
+        parts += [f"{self.drop} dropped after the first"] * (self.drop > 0)
+        parts += [f"at most {self.most} of a sequence"] * (self.most is not None)
+        return ", ".join(parts) or "all"
+
     def indices(self, count: int) -> list[int]:
         """Of the frames chosen out of `count`."""
         chosen = list(range(0, count, self.every))

@@ -82,7 +82,7 @@ def _metric_table(head: str, scores: Scores, rows: list[tuple[str, Row, str]]) -
         [name, *(_number(row.get(key, math.nan)) for key in keys), *[remark] * remarks]
         for name, row, remark in rows
     ]
-    return _table(heads, lines)
+    return markdown_table(heads, lines)
 
 
 def _interval_table(scores: Scores, interval: dict[str, Any]) -> str:
@@ -91,7 +91,7 @@ def _interval_table(scores: Scores, interval: dict[str, Any]) -> str:
         for key, ends in interval.items()
         if key in _columns(scores)
     ]
-    return _table(["metric", "mean", "interval"], lines)
+    return markdown_table(["metric", "mean", "interval"], lines)
 
 
 def _columns(scores: Scores) -> list[str]:
@@ -112,7 +112,8 @@ def _number(value: float) -> str:
     return f"{value:.1f}" if math.isfinite(value) else "–"
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 

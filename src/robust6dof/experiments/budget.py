@@ -1,0 +1,56 @@
+"""Train one row of an ablation at a small, stated budget; a row cut short goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from robust6dof.experiments.setting import Setting
+from robust6dof.network.config import NetworkConfig
+from robust6dof.network.device import resolve_device
+from robust6dof.tracking.view import ViewConfig
+from robust6dof.training.loop import TrainConfig, train
+from robust6dof.training.losses import LossConfig
+from robust6dof.training.pairs import PairConfig, SyntheticPairs
+from robust6dof.training.recipe import recipe_named
+from robust6dof.training.repeated_pairs import RepeatedPairs
+
+_EPOCH = 600
+"""Distinct pairs, seen again with other points."""
+
+
+def train_row(setting: Setting, label: str, network: NetworkConfig, losses: LossConfig) -> Path:
+    """Weights of one configuration; the same pairs for all rows.
+
+    Rows that several experiments share are trained once, beside the experiments' folders.
+    """
+    steps = setting.steps or setting.size.steps
+    short = label.replace(" ", "-").replace("+", "-")
+    name = "M5" if short in ("ours", "all") else short
+    out = setting.out.parent / "trained" / f"{setting.size.preset}-{steps}-{name}"
+    weights = out / "network.safetensors"
+    if (out / "done").is_file():
+        return weights
+    batch = min(8, recipe_named("short").batch)
+    recipe = replace(recipe_named("short"), steps=steps, batch=batch)
+    epoch = min(_EPOCH, steps * batch)
+    rich = ViewConfig(points=2 * network.points, crop_px=network.crop_px)
+    pairs = RepeatedPairs(
+        SyntheticPairs(rich, 2 * network.prior_points, setting.seed, epoch),
+        epoch,
+        network.points,
+        network.prior_points,
+        steps * batch,
+    )
+    view = ViewConfig(points=network.points, crop_px=network.crop_px)
+    others = PairConfig(first_object=1_000_000)
+    held_out = SyntheticPairs(view, network.prior_points, setting.seed + 1, 12, others)
+    train(
+        TrainConfig(network, recipe, losses, setting.seed),
+        pairs,
+        held_out,
+        out,
+        device=resolve_device(setting.device),
+    )
+    (out / "done").touch()
+    return weights

@@ -1,0 +1,146 @@
+"""What every experiment is given, and the two loops that all of them share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from robust6dof.baselines.registry import REMARKS, make_tracker
+from robust6dof.data.dataset import Dataset
+from robust6dof.data.truth_file import open_with_truth
+from robust6dof.evaluation.evaluate import Stored, read_stored, score_stored
+from robust6dof.evaluation.predict import predict
+from robust6dof.evaluation.protocols import find_protocol
+from robust6dof.evaluation.run_info import RunInfo
+from robust6dof.evaluation.scores import Scores
+from robust6dof.synthetic.aerial import synthesize
+from robust6dof.synthetic.plans import plan_aerial
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is done."""
+
+    sequences: int | None
+    """Of the data set; made where none is given."""
+    frames: int | None
+    """Of each sequence, at most."""
+    view_every: int
+    """Single views are estimated on each n-th frame."""
+    preset: str
+    """Network of the ablations."""
+    steps: int
+    """Training steps of each of their rows."""
+
+
+SIZES = {
+    "tiny": Size(2, 12, 6, "tiny", 2),
+    "small": Size(6, 60, 15, "small", 300),
+    "full": Size(None, None, 5, "paper", 20_000),
+}
+"""`tiny`: does it run? `small`: minutes to an hour on two cores. `full`: everything there is."""
+_FULL_SEQUENCES, _FULL_FRAMES = 54, 120
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One call of an experiment."""
+
+    out: Path
+    """Its own folder; what it shares with others lies beside."""
+    data: Path | None
+    """A data set with ground truth; a synthetic one is made where none is given."""
+    tracker: str
+    baselines: tuple[str, ...]
+    """Trackers to stand beside."""
+    size: Size
+    weights: Path | None = None
+    device: str = "auto"
+    seed: int = 0
+    processes: int = 1
+    steps: int | None = None
+    """Training steps, instead of the size's."""
+    models: Path | None = None
+    """Model points for ADD and ADD-S."""
+
+    @property
+    def trackers(self) -> tuple[str, ...]:
+        """The one in question first."""
+        others = (name for name in self.baselines if name != self.tracker)
+        return (self.tracker, *others)
+
+    def dataset_path(self) -> Path:
+        """The data; made beside the experiment's folder where none is given."""
+        if self.data is not None:
+            return self.data
+        size = self.size
+        count, frames = size.sequences or _FULL_SEQUENCES, size.frames or _FULL_FRAMES
+        out = self.out.parent / f"aerial-{count}x{frames}-seed{self.seed}"
+        difficulties = ("agile",) if count <= 6 else ("calm", "agile", "harsh")
+        for plan in plan_aerial(self.seed, count, frames, difficulties):
+            print(f"data: {synthesize(plan, out)}", flush=True)
+        return out
+
+    def dataset(self) -> Dataset:
+        """The sequences that are used."""
+        dataset = open_with_truth(self.dataset_path())
+        return replace(dataset, sequences=dataset.sequences[: self.size.sequences])
+
+    def predict(self, tracker: str, protocol: str, label: str = "", **choices: Any) -> Path:
+        """Run a tracker, or take up its run; returns the run's folder.
+
+        Args:
+            tracker: its name.
+            protocol: of the start.
+            label: tells runs of one tracker apart.
+            choices: fields of `RunInfo`: drop, every, init_noise, …; and `weights`.
+        """
+        weights = choices.pop("weights", self.weights)
+        given: dict[str, Any] = {"most": self.size.frames} | choices
+        info = RunInfo(
+            tracker,
+            protocol,
+            str(self.dataset_path().resolve()),
+            self.seed,
+            weights=str(weights.resolve()) if weights else "",
+            remark=REMARKS.get(tracker, ""),
+            **given,
+        )
+        out = self.out / "runs" / "-".join(part for part in (tracker, protocol, label) if part)
+        make = partial(make_tracker, tracker, seed=self.seed, weights=weights, device=self.device)
+        names = [sequence.name for sequence in self.dataset().sequences]
+        for name in predict(make, info, out, names, self.processes):
+            print(f"{out.name}: {name}", flush=True)
+        return out
+
+    def stored(self, run: Path, protocol: str) -> Stored:
+        """A run's records of the sequences that are used."""
+        (stored,) = read_stored(run, find_protocol(protocol))
+        used = {sequence.name for sequence in self.dataset().sequences}
+        records = [record for record in stored.records if record.sequence in used]
+        return replace(stored, records=records)
+
+    def scores(self, run: Path, protocol: str) -> Scores:
+        """A run's scores, with their interval."""
+        return score_stored(self.stored(run, protocol), find_protocol(protocol), self.models)
+
+    def runs(self, protocol: str, **choices: Any) -> Iterator[tuple[str, Scores]]:
+        """Every tracker's scores, started and scored by one protocol."""
+        for tracker in self.trackers:
+            yield tracker, self.scores(self.predict(tracker, protocol, **choices), protocol)
+
+
+def data_kind(path: Path) -> str:
+    """What kind of data a folder holds, in words: a figure must say what it was measured on."""
+    plans = [json.loads(file.read_text()) for file in sorted(path.glob("**/plan.json"))[:1]]
+    if not plans:
+        return "recorded images"
+    if "video" in plans[0]:
+        return "YCB-Video re-rendered: real trajectories, scanned shapes, synthetic images"
+    if plans[0].get("mesh"):
+        return "synthetic images and motion of meshes that were given"
+    return "synthetic: procedural shapes, simulated motion and sensor (AerialPose-Sim)"
