@@ -3,7 +3,8 @@
 Each frame:
 
 1. The surface seen so far is registered to the frame, from the motion's prediction.
-2. Where that fails, the network's keypoint matches with past views say where to try again.
+2. Where that fails, the network's keypoint matches with past views say where to try again; once
+   the object is lost, it is looked for in the whole image.
 3. The frame's canonical anchor is one more opinion of where the object's frame lies on that
    surface (see `canonical_frame`): so a rough start is corrected and a slip does not stay.
 """
@@ -35,6 +36,12 @@ from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.joint_pose import JointPoseConfig, solve_joint_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion, seconds_between
+from robust6dof.tracking.recovery import (
+    RecoveryConfig,
+    confirmed_poses,
+    is_same_pose,
+    poses_to_try,
+)
 from robust6dof.tracking.states import StateCount, StateRules, next_state
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.surface.icp_config import IcpConfig
@@ -59,6 +66,7 @@ class TrackerConfig:
     """Confidence of the registration from which a look is believed to be placed rightly."""
     anchor_trust: float = 0.35
     """Least share of points that must agree with a look's own pose."""
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     memory_capacity: int = 12
     """Views kept to be matched."""
 
@@ -173,8 +181,8 @@ class Tracker:
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
         surface = self._surface.step(memory.surface, frame)
         features = self._encode(frame, surface.T_cam_obj, memory)
-        if features is not None and surface.confidence < self.config.surface_trust:
-            surface = self._tried_again(frame, surface, features, memory)
+        if surface.confidence < self.config.surface_trust:
+            surface = self._tried_again(frame, surface, features, memory, track.state)
             features = self._encode(frame, surface.T_cam_obj, memory)
         if features is None:
             return self._updated(track, frame, replace(memory, surface=surface), None, 0.0)
@@ -195,15 +203,53 @@ class Tracker:
         extents = memory.shape * memory.canonical.scale
         return self._encoder.encode(frame, T_cam_pred, extents, memory.last.features, memory.frames)
 
-    @torch.inference_mode()
     def _tried_again(
-        self, frame: RgbdFrame, surface: Track, features: ViewFeatures, memory: TrackerMemory
+        self,
+        frame: RgbdFrame,
+        surface: Track,
+        features: ViewFeatures | None,
+        memory: TrackerMemory,
+        state: TrackState,
     ) -> Track:
-        """Registration from where the network's matches put the object, if that fits better."""
-        T_model_obj = memory.canonical.T_model_obj
-        T_cam_pred = surface.T_cam_obj @ T_model_obj
+        """Registration from where the network puts the object, if that fits better: by its matches
+        with past views; once the object is lost, by looking at all that could be it."""
+        T_cam_pred = surface.T_cam_obj @ memory.canonical.T_model_obj
+        proposals = []
+        if features is not None:
+            proposals.append(self._matched(frame, T_cam_pred, features, memory))
+        if state is TrackState.LOST:
+            scale, recovery = memory.canonical.scale, self.config.recovery
+            guesses = poses_to_try(frame, T_cam_pred, scale, self._encoder.symmetric, recovery)
+            extents = memory.shape * scale
+            proposals += confirmed_poses(
+                self._encoder, frame, guesses, extents, memory.frames, recovery
+            )
+        tried = [self._registered_from(T, frame, memory) for T in proposals]
+        believed = [one for one in tried if self._is_confirmed(frame, one, memory)]
+        return max([surface, *believed], key=lambda one: one.confidence)
+
+    def _is_confirmed(self, frame: RgbdFrame, surface: Track, memory: TrackerMemory) -> bool:
+        """Whether the network, looking there, sees the object as it is registered."""
+        if surface.confidence < self.config.surface_trust:
+            return False
+        features = self._encode(frame, surface.T_cam_obj, memory)
+        if features is None:
+            return False
+        anchor = self._encoder.anchor(features, memory.frames)
+        T_cam_obj = surface.T_cam_obj @ memory.canonical.T_model_obj
+        return is_same_pose(anchor, T_cam_obj, memory.canonical.scale, self._encoder.symmetric)
+
+    @torch.inference_mode()
+    def _matched(
+        self,
+        frame: RgbdFrame,
+        T_cam_pred: np.ndarray,
+        features: ViewFeatures,
+        memory: TrackerMemory,
+    ) -> np.ndarray:
+        """T_cam_obj from the keypoint matches with the last and the nearest stored views."""
         past = [memory.last, *memory.views.nearest(T_cam_pred, self.config.pose.stored_views)]
-        estimate = solve_joint_pose(
+        return solve_joint_pose(
             self.net,
             features,
             past,
@@ -213,12 +259,17 @@ class Tracker:
             frame.K,
             self.config.pose,
             np.random.default_rng([self._encoder.seed, memory.frames, 1]),
-        )
-        T_cam_model = estimate.T_cam_obj @ invert_transform(T_model_obj)
+        ).T_cam_obj
+
+    def _registered_from(
+        self, T_cam_obj: np.ndarray, frame: RgbdFrame, memory: TrackerMemory
+    ) -> Track:
+        """Registration that begins with the object here and at rest."""
+        T_cam_model = T_cam_obj @ invert_transform(memory.canonical.T_model_obj)
         rested = replace(memory.surface.memory, motion=Motion.at_rest())
-        proposal = replace(memory.surface, T_cam_obj=T_cam_model, memory=rested)
-        again = self._surface.step(proposal, frame)
-        return max(surface, again, key=lambda one: one.confidence)
+        return self._surface.step(
+            replace(memory.surface, T_cam_obj=T_cam_model, memory=rested), frame
+        )
 
     def _with_look(
         self,

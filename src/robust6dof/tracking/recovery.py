@@ -1,0 +1,128 @@
+"""Where a lost object may be: the pieces of the whole image that could be it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.camera import backproject
+from robust6dof.geometry.transforms import axis_error, make_transform, rotation_error
+from robust6dof.solver.absolute import AbsoluteFit
+from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.segmentation import DepthClusters, Segment, Segmenter
+
+
+@dataclass(frozen=True)
+class RecoveryConfig:
+    """How a lost object is looked for."""
+
+    guesses_per_frame: int = 3
+    """Tried on each frame; the next frame goes on with the next ones."""
+    passes: int = 2
+    """Looks of the network from each guess."""
+    size_ratio: tuple[float, float] = (0.35, 1.5)
+    """Diagonal of a piece, which shows one side alone, over that of the object's box."""
+    same_size: float = 0.25
+    """A thing whose scale seems to differ by more (logarithm) is another one."""
+    segmenter: Segmenter = field(default_factory=DepthClusters)
+
+
+def poses_to_try(
+    frame: RgbdFrame,
+    T_cam_last: Float[np.ndarray, "4 4"],
+    scale: float,
+    symmetric: bool,
+    config: RecoveryConfig,
+) -> list[Float[np.ndarray, "4 4"]]:
+    """Guesses of `T_cam_obj`, the pieces nearest in size first.
+
+    On each piece: the last orientation, its up axis turned to the normal of the plane that the
+    piece stands on; and for objects with a front the quarter turns from there.
+
+    Args:
+        frame: the image.
+        T_cam_last: where the object was last believed to be.
+        scale: diagonal of its box [m].
+        symmetric: a turn about its y axis cannot be seen.
+        config: sizes.
+    """
+    sized = []
+    for segment in config.segmenter.segment(frame):
+        points, _ = backproject(frame.depth, frame.K, segment.mask)
+        low, high = np.percentile(points, [3, 97], axis=0)
+        ratio = float(np.linalg.norm(high - low)) / scale
+        if config.size_ratio[0] < ratio < config.size_ratio[1]:
+            sized.append((abs(np.log(ratio / 0.8)), segment, (low + high) / 2))
+    turns = [0] if symmetric else [0, 180, 90, 270]
+    ranked = sorted(sized, key=lambda one: one[0])
+    return [
+        make_transform(_upright(T_cam_last[:3, :3], segment, turn), centre)
+        for turn in turns
+        for _, segment, centre in ranked
+    ]
+
+
+def confirmed_poses(
+    encoder: ViewEncoder,
+    frame: RgbdFrame,
+    guesses: Sequence[Float[np.ndarray, "4 4"]],
+    extents: Float[np.ndarray, "3"],
+    number: int,
+    config: RecoveryConfig,
+) -> list[Float[np.ndarray, "4 4"]]:
+    """What the network makes of this frame's share of the guesses; those of the wrong size go.
+
+    Args:
+        encoder: the network.
+        frame: the image.
+        guesses: all of them; `number`, of the frame, says whose turn it is.
+        extents: of the object's box [m].
+        number: of the frame.
+        config: how many.
+    """
+    count, scale = config.guesses_per_frame, float(np.linalg.norm(extents))
+    turn = [guesses[(number * count + i) % len(guesses)] for i in range(count) if guesses]
+    found = []
+    for T_cam_obj in turn:
+        seen = 0.0
+        for _ in range(config.passes):
+            features = encoder.encode(frame, T_cam_obj, extents, None, number)
+            if features is None:
+                break
+            anchor = encoder.anchor(features, number)
+            T_cam_obj, seen = anchor.T_cam_obj, anchor.scale
+        if abs(np.log(max(seen, 1e-6) / scale)) < config.same_size:
+            found.append(T_cam_obj)
+    return found
+
+
+def is_same_pose(
+    anchor: AbsoluteFit,
+    T_cam_obj: Float[np.ndarray, "4 4"],
+    scale: float,
+    symmetric: bool,
+    angle: float = np.deg2rad(25.0),
+    gap_share: float = 0.2,
+    growth: float = 0.25,
+) -> bool:
+    """Whether one view's own pose and scale [m] are near these, as far as single views can tell."""
+    error = axis_error if symmetric else rotation_error
+    turned = float(error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3]))
+    away = float(np.linalg.norm(T_cam_obj[:3, 3] - anchor.T_cam_obj[:3, 3]))
+    grown = abs(float(np.log(anchor.scale / scale)))
+    return bool(turned < angle and away < gap_share * scale and grown < growth)
+
+
+def _upright(
+    R_cam_obj: Float[np.ndarray, "3 3"], segment: Segment, turn_deg: float
+) -> Float[np.ndarray, "3 3"]:
+    turned = R_cam_obj @ Rotation.from_euler("y", turn_deg, degrees=True).as_matrix()
+    if segment.plane is None:
+        return turned
+    up = segment.plane.normal
+    return Rotation.align_vectors(up[None], turned[:, 1][None])[0].as_matrix() @ turned
