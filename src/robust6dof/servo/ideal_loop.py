@@ -173,7 +173,7 @@ def main() -> None:
     """Print how long every law takes over the bound, from the same 40 random starts."""
     robot, goal = default_aerial_manipulator(), look_down_goal()
     free = unlimited_joints(robot)
-    at_10_hz = PadServoConfig(rate_hz=10)
+    at_10_hz = PadServoConfig(rate_hz=10, soft_start=0)
     printed = replace(at_10_hz, law="printed")
     rows: list[tuple[str, AerialManipulator, PadServoConfig]] = [
         ("coupled", robot, at_10_hz),
