@@ -76,9 +76,9 @@ class StandingTracker:
         return replace(track, state=state)
 
 
-def make_standing(category, cad=None):
+def make_standing(category, cad=None, exact_start=False):
     return StandingTracker(category)
 
 
-def make_lost(category, cad=None):
+def make_lost(category, cad=None, exact_start=False):
     return StandingTracker(category, lost=("000002", "000003"))

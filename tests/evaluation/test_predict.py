@@ -60,7 +60,7 @@ def test_truth_file_with_a_bad_line_is_refused(tmp_path):
 def test_a_tracker_is_told_its_start_and_nothing_more(data):
     trackers = []
 
-    def make(category, cad):
+    def make(category, cad, exact_start):
         trackers.append(StandingTracker(category))
         return trackers[-1]
 
@@ -138,7 +138,7 @@ def test_a_tracker_that_cannot_start_leaves_its_frames_missing(data):
         def start(self, frame, **hints):
             raise InputError("no depth on the object")
 
-    def make(category, cad):
+    def make(category, cad, exact_start):
         return (Refusing if category == "can" else StandingTracker)(category)
 
     run = data.parent / "run"

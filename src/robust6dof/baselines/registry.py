@@ -25,6 +25,7 @@ class Ingredients:
     weights: Path | None
     device: str
     cad: MeshSource | None
+    exact_start: bool
 
 
 def make_tracker(
@@ -35,6 +36,7 @@ def make_tracker(
     weights: Path | None = None,
     device: str = "auto",
     cad: MeshSource | None = None,
+    exact_start: bool = False,
 ) -> PoseTracker:
     """A tracker by name.
 
@@ -45,6 +47,7 @@ def make_tracker(
         weights: of the network's trackers; the shipped ones if not given.
         device: of the network: auto, cpu or cuda.
         cad: gives the object's mesh to `oracle-icp`.
+        exact_start: the start pose will be true; the other trackers never doubt theirs.
 
     Raises:
         InputError: an unknown name, or what the tracker needs is not given.
@@ -52,7 +55,7 @@ def make_tracker(
     """
     if name not in TRACKERS:
         raise InputError(f"no tracker '{name}'; there is: {', '.join(TRACKERS)}")
-    return TRACKERS[name](Ingredients(category, seed, weights, device, cad))
+    return TRACKERS[name](Ingredients(category, seed, weights, device, cad, exact_start))
 
 
 def has_shipped_weights() -> bool:
@@ -92,10 +95,16 @@ def _oracle_icp(given: Ingredients) -> PoseTracker:
 
 
 def _network(given: Ingredients) -> PoseTracker:
-    from robust6dof.tracking.tracker import Tracker
+    from robust6dof.tracking.canonical_frame import EXACT_START, ROUGH_START
+    from robust6dof.tracking.tracker import Tracker, TrackerConfig
 
+    doubt = EXACT_START if given.exact_start else ROUGH_START
     return Tracker.from_pretrained(
-        given.weights, category=given.category, device=given.device, seed=given.seed
+        given.weights,
+        category=given.category,
+        config=TrackerConfig(given_doubt=doubt),
+        device=given.device,
+        seed=given.seed,
     )
 
 

@@ -37,7 +37,7 @@ class Options(CommonOptions):
     Several, as in coupled,feedforward, are flown from the same starts and compared."""
     poses: Literal["tracker", "truth"] = "tracker"
     """What the servo is fed: a tracker's poses from the rendered images, or the simulation's."""
-    tracker: str = "icp"
+    tracker: str = "robust6dof"
     """Which tracker."""
     standoff: float = 0.5
     """Of the goal camera above the object [m], looking straight down."""
@@ -215,7 +215,13 @@ def _pose_source(options: Options, episode: Episode) -> PoseSource:
     target, latency = episode.world.target, 1e-3 * options.latency_ms
     if options.poses == "truth":
         return TruePoses(target.extents, latency)
-    tracker = make_tracker(options.tracker, target.category, seed=episode.seed)
+    tracker = make_tracker(
+        options.tracker,
+        target.category,
+        seed=episode.seed,
+        device=options.device,
+        exact_start=True,
+    )
     return TrackedPoses(tracker, target.extents, latency, options.measured_delay)
 
 

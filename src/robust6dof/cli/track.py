@@ -29,7 +29,7 @@ class Options(CommonOptions):
     (robust6dof priors)."""
     out: Path
     """Folder for the results."""
-    tracker: str = "icp"
+    tracker: str = "robust6dof"
     """Which tracker: robust6dof, keypoints, icp, features, static."""
     weights: Path | None = None
     """Weights (.safetensors) of the network's trackers; the shipped ones if not given."""

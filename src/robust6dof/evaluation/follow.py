@@ -18,15 +18,16 @@ from robust6dof.errors import Robust6dofError
 from robust6dof.evaluation.cad_models import find_cad_mesh
 from robust6dof.evaluation.protocols import Protocol, find_protocol
 from robust6dof.evaluation.run_info import RunInfo, SequenceOutcome
-from robust6dof.evaluation.start_noise import PoseNoiseTracker
+from robust6dof.evaluation.start_noise import PoseNoiseTracker, exact
 from robust6dof.frames import PoseTracker, RgbdFrame, Track
 
 MIN_START_VISIBILITY = 0.1
 """A track starts on the first frame in which this share of the object is in view."""
 
 MakeTracker = Callable[..., PoseTracker]
-"""(category, cad=…) → a tracker; picklable (a function or a partial of one) for several workers.
-`cad` gives the object's mesh to the trackers that are allowed one."""
+"""(category, cad=…, exact_start=…) → a tracker; picklable (a function or a partial of one) for
+several workers. `cad` gives the object's mesh to the trackers that are allowed one; `exact_start`
+says that the protocol starts from the true pose."""
 
 
 def predict_sequence(
@@ -110,7 +111,9 @@ def _tracker(
     """The tracker for one object, with the noise that the run asks for."""
     root = Path(info.data)
     folders = ((Path(info.meshes),) if info.meshes else ()) + (root / "models", root / "meshes")
-    tracker = make_tracker(truth.category, cad=partial(find_cad_mesh, sequence, truth, folders))
+    exact_start = find_protocol(info.protocol).start is exact and not info.init_noise
+    cad = partial(find_cad_mesh, sequence, truth, folders)
+    tracker = make_tracker(truth.category, cad=cad, exact_start=exact_start)
     if info.init_noise or info.all_noise:
         return PoseNoiseTracker(tracker, rng.spawn(1)[0], info.init_noise, info.all_noise)
     return tracker
