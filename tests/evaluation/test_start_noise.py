@@ -1,11 +1,21 @@
 """The starting noise has the distribution that the evaluations it comes from use."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from evaluation.pose_records import EXTENTS, TRUE_POSE
-from robust6dof.evaluation.start_noise import PertNoise, exact, perturb, shift_uniformly
-from robust6dof.geometry.transforms import rotation_error
+from robust6dof.evaluation.start_noise import (
+    PertNoise,
+    displaced,
+    exact,
+    perturb,
+    shift_uniformly,
+)
+from robust6dof.frames import Track, TrackState
+from robust6dof.geometry.transforms import make_transform, rotation_error
 
 
 def draw(function, n=1000, **options):
@@ -53,3 +63,21 @@ def test_starts_repeat_with_their_seed_and_exact_is_exact():
     np.testing.assert_array_equal(first[2][0], second[2][0])
     T, _ = exact(TRUE_POSE, EXTENTS, np.random.default_rng(0))
     np.testing.assert_array_equal(T, TRUE_POSE)
+
+
+def test_noise_on_every_pose_reaches_a_tracker_inside_the_tracker():
+    @dataclass(frozen=True)
+    class Memory:
+        surface: Track
+        frames: int
+
+    inner_pose = make_transform(np.eye(3), np.array([0.0, 0.1, 1.0]))
+    inner = Track(inner_pose, np.ones(3), 1.0, TrackState.TRACKING, "mug")
+    outer = Track(np.eye(4), np.ones(3), 1.0, TrackState.TRACKING, "mug", memory=Memory(inner, 3))
+    R = Rotation.from_rotvec([0.1, -0.2, 0.05]).as_matrix()
+    T_noisy = make_transform(R, np.array([0.01, 0.02, 0.03]))
+    moved = displaced(outer, T_noisy)
+    np.testing.assert_allclose(moved.T_cam_obj, T_noisy)
+    np.testing.assert_allclose(moved.memory.surface.T_cam_obj, T_noisy @ inner_pose)
+    assert moved.memory.frames == 3
+    np.testing.assert_array_equal(outer.memory.surface.T_cam_obj, inner_pose)

@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from robust6dof.data.calibration import fit_intrinsics
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
 from robust6dof.data.depth_unit import check_depth_unit
+from robust6dof.data.other_folders import other_contents
 from robust6dof.data.pose_check import pose_problem
 from robust6dof.data.recognition import open_dataset, recognise
 from robust6dof.data.recordings import RecordingSequence
@@ -81,9 +82,7 @@ def inspect_folder(
         inspection.kind = recognise(path)
         dataset = open_folder(inspection.path)
     except DataError as error:
-        inspection.add("problem", str(error))
-        for text in _what_is_there(Path(path)):
-            inspection.add("note", text)
+        _judge_other_folder(inspection, error)
         return inspection
     frames = sum(len(sequence) for sequence in dataset.sequences)
     inspection.kind = dataset.name
@@ -94,6 +93,21 @@ def inspect_folder(
     _judge_truth(inspection)
     _judge_layout(inspection, dataset)
     return inspection
+
+
+def _judge_other_folder(inspection: Inspection, error: DataError) -> None:
+    """A folder without images: meshes and stored poses are no mistake, anything else is."""
+    path = inspection.path
+    contents = list(other_contents(path)) if path.is_dir() else []
+    if contents:
+        inspection.kind = "no images"
+        inspection.add("note", f"{path.name}: no recording or data set of images, but it holds")
+    else:
+        inspection.add("problem", str(error))
+    for sound, text in contents:
+        inspection.add("ok" if sound else "problem", text)
+    for text in _what_is_there(path):
+        inspection.add("note", text)
 
 
 def _spread(dataset: Dataset, count: int) -> Iterator[tuple[DatasetSequence, int]]:

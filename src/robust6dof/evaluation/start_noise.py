@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track
-from robust6dof.geometry.transforms import make_transform
+from robust6dof.geometry.transforms import invert_transform, make_transform
 
 Start = tuple[np.ndarray, np.ndarray | None]
 """T_cam_obj [4, 4] and extents [3] that a tracker is given on its first frame; a data set without
@@ -108,5 +108,20 @@ class PoseNoiseTracker:
             noisy, _ = perturb(
                 track.T_cam_obj, track.extents, self.rng, PertNoise(multiple=self.all)
             )
-            track = replace(track, T_cam_obj=noisy)
+            track = displaced(track, noisy)
         return self.tracker.step(track, frame)
+
+
+def displaced(track: Track, T_cam_obj: Float[np.ndarray, "4 4"]) -> Track:
+    """A track whose pose is another, and with it that of a tracker inside its tracker's memory."""
+    motion = T_cam_obj @ invert_transform(track.T_cam_obj)
+    memory = track.memory
+    if is_dataclass(memory) and not isinstance(memory, type):
+        values = {one.name: getattr(memory, one.name) for one in fields(memory)}
+        inner = {
+            name: displaced(value, motion @ value.T_cam_obj)
+            for name, value in values.items()
+            if isinstance(value, Track)
+        }
+        memory = replace(memory, **inner)
+    return replace(track, T_cam_obj=T_cam_obj, memory=memory)

@@ -1,0 +1,103 @@
+"""Folders that are no recordings but that the package reads: meshes, model points, pose packs."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from robust6dof.data.image_files import read_numbers
+from robust6dof.data.ycb_video import read_keyframes
+from robust6dof.errors import DataError
+from robust6dof.shapes.loading import load_mesh, mesh_files
+
+_FEW = 6
+"""Meshes that are opened, at most."""
+
+
+def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
+    """What is there and whether it makes sense: (sound, sentence), one for each kind of contents.
+
+    Nothing where there is nothing that this package reads.
+    """
+    for judge in (_trajectories, _pose_packs, _model_points, _keyframes, _meshes):
+        try:
+            yield from judge(path)
+        except DataError as error:
+            yield False, str(error)
+
+
+def _trajectories(path: Path) -> Iterator[tuple[bool, str]]:
+    for file in sorted(path.glob("*_poses_by_video.npz")):
+        with np.load(file) as arrays:
+            videos = {key.split("/")[0] for key in arrays.files}
+            rows = np.concatenate([arrays[key] for key in arrays.files])
+        far = float(np.abs(rows[:, 4:]).max())
+        unit = float(np.abs(np.linalg.norm(rows[:, :4], axis=1) - 1).max())
+        text = (
+            f"{file.name}: {len(rows):,} poses of YCB-Video in {len(videos)} videos, up to "
+            f"{far:.2f} m away (robust6dof synthesize ycb-video)"
+        )
+        yield far < 10 and unit < 1e-3, text
+
+
+def _pose_packs(path: Path) -> Iterator[tuple[bool, str]]:
+    for file in sorted(path.glob("*.zip")):
+        if not zipfile.is_zipfile(file):
+            yield False, f"{file.name} is not a zip file"
+            continue
+        with zipfile.ZipFile(file) as pack:
+            parts = [Path(name).parts for name in pack.namelist() if name.endswith(".txt")]
+        methods = sorted({part[-2] for part in parts if len(part) > 1})
+        if "ground_truth" in methods:
+            others = ", ".join(name for name in methods if name != "ground_truth")
+            yield True, f"{file.name}: stored poses of {others} (robust6dof evaluate)"
+
+
+def _model_points(path: Path) -> Iterator[tuple[bool, str]]:
+    files = [*sorted(path.glob("*.xyz")), *sorted(path.glob("*/*.xyz"))]
+    if files:
+        sizes = [float(np.ptp(read_numbers(f).reshape(-1, 3), axis=0).max()) for f in files]
+        text = f"{len(files)} lists of model points, {_range(sizes)} (--models of evaluate)"
+        yield max(sizes) < 5, text
+
+
+def _keyframes(path: Path) -> Iterator[tuple[bool, str]]:
+    if (path / "image_sets" / "keyframe.txt").is_file():
+        frames = read_keyframes(path)
+        count = sum(map(len, frames.values()))
+        yield True, f"{count:,} keyframes of {len(frames)} videos in image_sets/keyframe.txt"
+
+
+def _meshes(path: Path) -> Iterator[tuple[bool, str]]:
+    folders = [child for child in sorted(path.iterdir()) if child.is_dir()]
+    files = [file for folder in [path, *folders] for file in _own_meshes(folder, folder == path)]
+    if not files:
+        return
+    sizes, wrong = [], []
+    for file in files[:_FEW]:
+        try:
+            sizes.append(_size(file))
+        except DataError as error:
+            wrong.append(str(error))
+    more = "" if len(files) <= _FEW else f", of which {_FEW} were opened"
+    readable = f", {_range(sizes)}" if sizes else ""
+    yield not wrong, f"{len(files)} meshes{more}{readable} (--meshes of synthesize and priors)"
+    for text in wrong:
+        yield False, text
+
+
+def _own_meshes(folder: Path, is_root: bool) -> list[Path]:
+    """In the folder and, below the root, in its subfolders."""
+    found = mesh_files(folder)
+    return [file for file in found if file.parent == folder] if is_root else found
+
+
+def _size(file: Path) -> float:
+    return float(np.ptp(load_mesh(file).vertices, axis=0).max())
+
+
+def _range(sizes: list[float]) -> str:
+    return f"largest sides {min(sizes):.2f} to {max(sizes):.2f} m"

@@ -1,0 +1,62 @@
+"""Folders without images: what doctor says of meshes, model points and stored poses."""
+
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+
+from robust6dof.data.inspection import inspect_folder
+from robust6dof.data.other_folders import other_contents
+from shared_data import shared_data
+
+
+def test_meshes_are_counted_and_measured(tmp_path):
+    for name, side in (("mug", 0.1), ("can", 0.2)):
+        (tmp_path / name).mkdir()
+        trimesh.creation.box((side, 0.05, 0.05)).export(tmp_path / name / "a.ply")
+    ((sound, text),) = other_contents(tmp_path)
+    assert sound
+    assert "2 meshes, largest sides 0.10 to 0.20 m" in text
+    trimesh.creation.box((100.0, 50.0, 50.0)).export(tmp_path / "mug" / "b.ply")
+    assert [ok for ok, _ in other_contents(tmp_path)] == [False, False]
+    inspection = inspect_folder(tmp_path)
+    assert inspection.problems == 2
+    assert "unit is probably not the metre" in inspection.findings[2].text
+
+
+def test_trajectories_points_keyframes_and_packs_are_told_apart(tmp_path):
+    rows = np.tile([1.0, 0, 0, 0, 0, 0, 0.8], (5, 1))
+    np.savez(tmp_path / "ycbv_gt_poses_by_video.npz", **{"0048/025_mug": rows})
+    (tmp_path / "models_points").mkdir()
+    points = np.random.default_rng(0).random((20, 3)) * 0.1
+    np.savetxt(tmp_path / "models_points" / "025_mug.xyz", points)
+    (tmp_path / "image_sets").mkdir()
+    (tmp_path / "image_sets" / "keyframe.txt").write_text("0048/000001\n0048/000036\n")
+    with zipfile.ZipFile(tmp_path / "poses.zip", "w") as pack:
+        for method in ("ground_truth", "mine"):
+            pack.writestr(f"poses/{method}/0048_025_mug.txt", "1 0 0 0 0 0 1\n")
+    texts = [text for sound, text in other_contents(tmp_path) if sound]
+    assert len(texts) == 4
+    assert "5 poses of YCB-Video in 1 videos" in texts[0]
+    assert "stored poses of mine" in texts[1]
+    assert "2 keyframes of 1 videos" in texts[3]
+
+
+def test_millimetres_and_quaternions_that_are_none_are_problems(tmp_path):
+    np.savez(tmp_path / "x_poses_by_video.npz", **{"0048/025_mug": np.full((3, 7), 800.0)})
+    np.savetxt(tmp_path / "mug.xyz", np.random.default_rng(0).random((20, 3)) * 100)
+    assert [sound for sound, _ in other_contents(tmp_path)] == [False, False]
+
+
+def test_nothing_known_stays_a_problem(tmp_path):
+    (tmp_path / "notes.txt").write_text("nothing")
+    assert list(other_contents(tmp_path)) == []
+    assert inspect_folder(tmp_path).problems == 1
+
+
+@pytest.mark.parametrize("folder", ["meshes", "ycb_video_poses"])
+def test_shared_folders_without_images_make_sense(folder):
+    inspection = inspect_folder(shared_data(folder))
+    assert inspection.problems == 0
+    assert inspection.kind == "no images"
