@@ -17,8 +17,8 @@ from robust6dof.evaluation.predict import predict
 from robust6dof.evaluation.protocols import find_protocol
 from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.scores import Scores
-from robust6dof.synthetic.aerial import synthesize
-from robust6dof.synthetic.plans import plan_aerial
+from robust6dof.synthetic.aerial import is_done, synthesize
+from robust6dof.synthetic.plans import plan_aerial, plan_split
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ SIZES = {
     "small": Size(6, 60, 15, "small", 300),
     "full": Size(None, None, 5, "paper", 20_000),
 }
-"""`tiny`: does it run? `small`: minutes to an hour on two cores. `full`: everything there is."""
-_FULL_SEQUENCES, _FULL_FRAMES = 54, 120
+"""`tiny`: does it run? `small`: minutes to an hour on two cores. `full`: all of the data, or the
+`full` split of AerialPose-Sim."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,15 @@ class Setting:
         """The data; made beside the experiment's folder where none is given."""
         if self.data is not None:
             return self.data
-        size = self.size
-        count, frames = size.sequences or _FULL_SEQUENCES, size.frames or _FULL_FRAMES
-        out = self.out.parent / f"aerial-{count}x{frames}-seed{self.seed}"
-        difficulties = ("agile",) if count <= 6 else ("calm", "agile", "harsh")
-        for plan in plan_aerial(self.seed, count, frames, difficulties):
-            print(f"data: {synthesize(plan, out)}", flush=True)
+        count, frames = self.size.sequences, self.size.frames
+        if count is None or frames is None:
+            out, plans = self.out.parent / "aerial-full", plan_split("full")
+        else:
+            out = self.out.parent / f"aerial-{count}x{frames}-seed{self.seed}"
+            plans = plan_aerial(self.seed, count, frames, ("agile",))
+        for plan in plans:
+            if not is_done(plan, out / plan.name):
+                print(f"data: {synthesize(plan, out)}", flush=True)
         return out
 
     def dataset(self) -> Dataset:

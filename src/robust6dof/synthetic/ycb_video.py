@@ -53,7 +53,7 @@ class YcbVideoPlan:
 
 @dataclass(frozen=True, eq=False)
 class YcbSource:
-    """Where trajectories and shapes come from; see docs/benchmark.md for the files."""
+    """Where trajectories and shapes come from; see docs/evaluation.md for the files."""
 
     poses: Path
     """Folder with ycbv_gt_poses_by_video.npz, ycbv_to_google16k_frame.json and models_points/."""
@@ -89,7 +89,7 @@ class YcbSource:
     def _file(self, name: str) -> Path:
         path = self.poses / name
         if not path.is_file():
-            raise DataError(path, "the file is missing", "docs/benchmark.md says what is needed")
+            raise DataError(path, "the file is missing", "docs/evaluation.md says what is needed")
         return path
 
 
