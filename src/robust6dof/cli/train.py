@@ -21,8 +21,8 @@ class Options(CommonOptions):
     """Of the objects; with --meshes any name of a folder there that has a prior."""
     meshes: Path | None = None
     """Folder with CATEGORY/MESH files: objects from there, not procedural shapes."""
-    recipe: Literal["paper", "short"] = "paper"
-    """Optimiser and schedule; `short` is for a CPU."""
+    recipe: Literal["paper", "short", "refine"] = "paper"
+    """Optimiser and schedule; `short` is for a CPU, `refine` goes on from --init."""
     steps: int | None = None
     """Steps of the optimiser, instead of the recipe's."""
     batch: int | None = None

@@ -41,8 +41,12 @@ RECIPES: dict[str, Recipe] = {
     "short": Recipe(
         learning_rate=1.5e-3, batch=16, steps=4_000, schedule="cosine", clip=1.0, ema=0.998
     ),
+    "refine": Recipe(
+        learning_rate=5e-4, batch=16, steps=2_000, schedule="cosine", clip=1.0, ema=0.998
+    ),
 }
-"""`paper`: Adam, 1e-3, batch 32. `short`: for a CPU; cosine, clipping and a running mean."""
+"""`paper`: Adam, 1e-3, batch 32. `short`: for a CPU; cosine, clipping and a running mean. `refine`:
+the same at a third of the rate, for weights that are good already (`--init`)."""
 
 
 def recipe_named(name: str) -> Recipe:
