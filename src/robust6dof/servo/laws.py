@@ -12,6 +12,7 @@ With m_e = (X/Z, Y/Z, log Z), ε_p = m_e − m_e*, θu of c*R_c and the measured
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -65,7 +66,7 @@ class Sight:
             self.T_cam_obj_goal[:3, 3]
         )
 
-    @property
+    @cached_property
     def rotation_error(self) -> Float[np.ndarray, "3"]:
         """θu of c*R_c [rad]."""
         R, R_goal = self.T_cam_obj[:3, :3], self.T_cam_obj_goal[:3, :3]

@@ -179,7 +179,9 @@ def _believe(
     memory: ServoMemory, T: np.ndarray, stamp: float, config: PadServoConfig, symmetric: bool
 ) -> ServoMemory:
     gap = stamp - memory.stamp
-    if memory.motion is None or gap > _KEEP_S:
+    if config.law != "feedforward":
+        motion = None
+    elif memory.motion is None or gap > _KEEP_S:
         motion = start_motion(T, config.noise)
     else:
         own = memory.camera_twist(memory.stamp, stamp)

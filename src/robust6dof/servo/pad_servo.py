@@ -18,7 +18,6 @@ from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.following import Following
 from robust6dof.servo.ibvs import ibvs_law
-from robust6dof.servo.interaction import rotation_error_vector
 from robust6dof.servo.laws import Sight, coupled_law, printed_law
 from robust6dof.servo.memory import ServoMemory, admit
 from robust6dof.servo.own_reading import OwnReading, read_own
@@ -151,7 +150,8 @@ class PadServo:
         wanted *= self.config.share_in_force(self.memory.readiness)
         asked = self._ahead(wanted, target, reading)
         command = self._make_safe(asked, sight, reading)
-        translation, rotation = _errors(T_cam_obj, T_cam_obj_goal, symmetric)
+        translation = float(np.linalg.norm(T_cam_obj[:3, 3] - T_cam_obj_goal[:3, 3]))
+        rotation = float(np.linalg.norm(sight.rotation_error))
         state = self._stop_test(translation, rotation)
         # What the limits take back is not wanted: the vehicle owes it to nobody.
         following = replace(self.memory.following, wanted=(wanted + command - asked)[:3])
@@ -244,11 +244,3 @@ def _check_goal(T_cam_obj_goal: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "
     if T_cam_obj_goal[2, 3] <= 0:
         raise InputError("T_cam_obj_goal puts the object behind the camera; its z must be positive")
     return T_cam_obj_goal
-
-
-def _errors(
-    T_cam_obj: np.ndarray, T_cam_obj_goal: np.ndarray, symmetric: bool
-) -> tuple[float, float]:
-    theta_u = rotation_error_vector(T_cam_obj[:3, :3], T_cam_obj_goal[:3, :3], symmetric=symmetric)
-    offset = T_cam_obj[:3, 3] - T_cam_obj_goal[:3, 3]
-    return float(np.linalg.norm(offset)), float(np.linalg.norm(theta_u))

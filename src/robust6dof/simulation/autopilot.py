@@ -11,6 +11,7 @@ integrator answers to wind and drag alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -92,6 +93,11 @@ class Autopilot:
     mass_model: MassModel
     config: AutopilotConfig = field(default_factory=AutopilotConfig)
 
+    @cached_property
+    def _gains(self) -> dict[str, Float[np.ndarray, "3"]]:
+        """The configuration's triples as arrays, by name."""
+        return {k: np.array(v) for k, v in vars(self.config).items() if isinstance(v, tuple)}
+
     def step(
         self,
         state: AutopilotState,
@@ -131,14 +137,14 @@ class Autopilot:
     ) -> tuple[AutopilotState, Float[np.ndarray, "3"]]:
         limit = self.config.max_acceleration
         off = estimate.R_world_body @ velocity_body - state.velocity
-        planned = np.clip(off / self.config.velocity_lag, -limit, limit)
+        planned = _clip(off / self.config.velocity_lag, -limit, limit)
         velocity = state.velocity + planned * dt
         error = velocity - estimate.velocity_world
-        integral = state.acceleration + np.array(self.config.velocity_integral_gain) * error * dt
-        integral = np.clip(integral, -limit, limit)
-        demand = planned + np.array(self.config.velocity_gain) * error + integral
+        integral = state.acceleration + self._gains["velocity_integral_gain"] * error * dt
+        integral = _clip(integral, -limit, limit)
+        demand = planned + self._gains["velocity_gain"] * error + integral
         state = replace(state, velocity=velocity, acceleration=integral)
-        return state, np.clip(demand, -limit, limit)
+        return state, _clip(demand, -limit, limit)
 
     def _turn_yaw(
         self, state: AutopilotState, estimate: VehicleEstimate, yaw_rate: float, dt: float
@@ -164,10 +170,10 @@ class Autopilot:
         R = estimate.R_world_body.T @ _attitude(thrust_world, yaw)
         # sin θ times the axis: as good as θ here, tilt and yaw lead are limited.
         error = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        limit = np.array(self.config.max_rate)
-        demand = np.array(self.config.attitude_gain) * error
+        limit = self._gains["max_rate"]
+        demand = self._gains["attitude_gain"] * error
         demand[2] += yaw_rate
-        return np.clip(demand, -limit, limit)
+        return _clip(demand, -limit, limit)
 
     def _rate_loop(
         self,
@@ -178,9 +184,9 @@ class Autopilot:
     ) -> tuple[AutopilotState, Float[np.ndarray, "3"]]:
         error = rates - estimate.rates_body
         integral = state.angular_acceleration
-        integral = integral + np.array(self.config.rate_integral_gain) * error * dt
-        integral = np.clip(integral, -10.0, 10.0)
-        demand = np.array(self.config.rate_gain) * error + integral
+        integral = integral + self._gains["rate_integral_gain"] * error * dt
+        integral = _clip(integral, -10.0, 10.0)
+        demand = self._gains["rate_gain"] * error + integral
         state = replace(state, angular_acceleration=integral)
         return state, self.mass_model.inertia * demand
 
@@ -194,6 +200,15 @@ def _attitude(thrust_world: Float[np.ndarray, "3"], yaw: float) -> Float[np.ndar
     y1, y2, y3 = y / np.sqrt(y @ y)
     x1, x2, x3 = y2 * z3 - y3 * z2, y3 * z1 - y1 * z3, y1 * z2 - y2 * z1
     return np.array([[x1, y1, z1], [x2, y2, z2], [x3, y3, z3]])
+
+
+def _clip(
+    values: Float[np.ndarray, "3"],
+    low: float | Float[np.ndarray, "3"],
+    high: float | Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "3"]:
+    # A third of the time that np.clip takes, which is called six times in 5 ms.
+    return np.minimum(np.maximum(values, low), high)
 
 
 def _wrap(angle: float) -> float:

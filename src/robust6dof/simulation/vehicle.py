@@ -73,10 +73,11 @@ class Mixer:
         """
         limit = self.quadrotor.max_thrust
         tilting = self._columns[:, 1:3] @ torque[:2]
-        tilting /= max(1.0, float(np.ptp(tilting)) / limit)
+        tilting /= max(1.0, float(tilting.max() - tilting.min()) / limit)
         lowest, highest = -float(tilting.min()), limit - float(tilting.max())
         base = tilting + min(max(thrust / 4.0, lowest), highest)
         turning = self._columns[:, 3] * torque[2]
         room = np.where(turning > 0, limit - base, base)
         share = float(np.min(room / np.maximum(np.abs(turning), 1e-9)))
-        return np.clip(base + min(1.0, max(share, 0.0)) * turning, 0.0, limit)
+        thrusts = base + min(1.0, max(share, 0.0)) * turning
+        return np.minimum(np.maximum(thrusts, 0.0), limit)
