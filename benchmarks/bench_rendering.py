@@ -10,6 +10,7 @@ import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -89,7 +90,7 @@ def crop_scene(samples: SurfaceSamples, batch: int, size: int, device: str) -> C
     intrinsics = torch.zeros(batch, 3, 3)
     intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = focal
     intrinsics[:, :2, 2], intrinsics[:, 2, 2] = size / 2, 1.0
-    parts = {
+    parts: dict[str, Any] = {
         "object_index": index,
         "T_cam_obj": T,
         "K": intrinsics,
