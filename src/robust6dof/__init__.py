@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from robust6dof.servo.goal import look_down_goal
     from robust6dof.servo.pad_servo import PadServo, ServoCommand
     from robust6dof.tracking.surface.icp import IcpTracker
+    from robust6dof.tracking.tracker import Tracker
 
 __version__ = "0.1.0.dev0"
 
@@ -29,6 +30,7 @@ _HOMES = {
     "ServoCommand": "servo.pad_servo",
     "Track": "frames",
     "TrackState": "frames",
+    "Tracker": "tracking.tracker",
     "Video": "data",
     "default_aerial_manipulator": "robot.aerial_manipulator",
     "look_down_goal": "servo.goal",
@@ -49,6 +51,7 @@ __all__ = [
     "ServoCommand",
     "Track",
     "TrackState",
+    "Tracker",
     "Video",
     "default_aerial_manipulator",
     "look_down_goal",
