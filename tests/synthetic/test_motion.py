@@ -63,13 +63,13 @@ def test_the_camera_looks_down_at_the_target(name: str) -> None:
 def test_the_swing_keeps_its_bounds(name: str) -> None:
     """Pitch and roll about the nominal view, bursts and all; and the bounds are nearly used."""
     difficulty = DIFFICULTIES[name]
-    t = np.arange(0, 30, 0.01)
+    t = np.arange(0, 12, 0.02)
     largest = fastest = 0.0
-    for seed in range(6):
-        motion = CameraMotion.draw(np.random.default_rng(seed), difficulty, 30.0)
+    for seed in range(5):
+        motion = CameraMotion.draw(np.random.default_rng(seed), difficulty, 12.0)
         swing = np.array([motion.swing_vector(x) for x in t])[:, [0, 2]]
         largest = max(largest, np.abs(swing).max() / difficulty.swing)
-        fastest = max(fastest, np.abs(np.diff(swing, axis=0)).max() / 0.01 / difficulty.swing_rate)
+        fastest = max(fastest, np.abs(np.diff(swing, axis=0)).max() / 0.02 / difficulty.swing_rate)
     assert 0.6 < largest <= 1.0
     assert 0.5 < fastest <= 1.0 + 1e-3
 

@@ -267,7 +267,7 @@ class RerenderedVideo:
 
 
 def find_support(
-    things: Sequence[Float[np.ndarray, "V 3"]], camera: Float[np.ndarray, "3"]
+    things: Sequence[Float[np.ndarray, "_ 3"]], camera: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "4 4"]:
     """The plane that most of the things touch from above, seen from the camera: a facet of their
     convex hull. Returns the pose of a frame on it below the things, y up."""
