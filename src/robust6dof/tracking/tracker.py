@@ -62,6 +62,9 @@ class TrackerConfig:
     estimated_doubt: Doubt = ESTIMATED_START
     """In one that was estimated from a mask, a box or nothing."""
     first_look: FirstLookConfig = field(default_factory=FirstLookConfig)
+    look_every: int = 2
+    """Frames from one look of the network to the next while all goes well; registration learns on
+    the others, so that no frame pays for both."""
     surface_trust: float = 0.5
     """Confidence of the registration from which a look is believed to be placed rightly."""
     anchor_trust: float = 0.35
@@ -82,6 +85,8 @@ class TrackerMemory:
     """Extents over their diagonal."""
     last: Keyframe
     views: KeyframeMemory
+    evidence: Float[np.ndarray, "6"]
+    """Of the last look; zeros where there was nothing to look at."""
     count: StateCount = field(default_factory=StateCount)
     seconds: float = 0.0
     """Since the start."""
@@ -159,9 +164,10 @@ class Tracker:
         extents = shape * canonical.scale
         surface = self._surface.start(frame, T_cam_obj=T_cam_obj, extents=extents)
         features = self._encoder.first(frame, T_cam_obj, extents)
-        confidence = self._confidence(
+        evidence = self._evidence(
             features, self._encoder.anchor(features, 0), surface, T_cam_obj, canonical.scale
         )
+        confidence = self.config.confidence(evidence)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
         return Track(
@@ -171,7 +177,7 @@ class Tracker:
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
-            memory=TrackerMemory(surface, canonical, shape, first, views),
+            memory=TrackerMemory(surface, canonical, shape, first, views, evidence),
         )
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
@@ -179,13 +185,24 @@ class Tracker:
         memory: TrackerMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
-        surface = self._surface.step(memory.surface, frame)
+        due = memory.frames % self.config.look_every == 0 or track.state is not TrackState.TRACKING
+        learn = self.config.look_every == 1 or not due
+        surface = self._surface.step(memory.surface, frame, learn=learn)
+        if not due and surface.confidence >= self.config.surface_trust:
+            return self._updated(track, frame, replace(memory, surface=surface), None)
+        return self._looked(track, frame, surface, memory)
+
+    def _looked(
+        self, track: Track, frame: RgbdFrame, surface: Track, memory: TrackerMemory
+    ) -> Track:
+        """The registration's track after the network's look at the frame."""
         features = self._encode(frame, surface.T_cam_obj, memory)
         if surface.confidence < self.config.surface_trust:
             surface = self._tried_again(frame, surface, features, memory, track.state)
             features = self._encode(frame, surface.T_cam_obj, memory)
         if features is None:
-            return self._updated(track, frame, replace(memory, surface=surface), None, 0.0)
+            unseen = replace(memory, surface=surface, evidence=np.zeros(6))
+            return self._updated(track, frame, unseen, None)
         anchor = self._encoder.anchor(features, memory.frames)
         memory = replace(memory, surface=surface)
         placed = surface.confidence >= self.config.surface_trust
@@ -193,8 +210,8 @@ class Tracker:
             canonical = self._with_look(memory.canonical, surface.T_cam_obj, anchor, memory.seconds)
             memory = replace(memory, canonical=canonical)
         T_cam_obj = surface.T_cam_obj @ memory.canonical.T_model_obj
-        confidence = self._confidence(features, anchor, surface, T_cam_obj, memory.canonical.scale)
-        return self._updated(track, frame, memory, features, confidence)
+        evidence = self._evidence(features, anchor, surface, T_cam_obj, memory.canonical.scale)
+        return self._updated(track, frame, replace(memory, evidence=evidence), features)
 
     def _encode(
         self, frame: RgbdFrame, T_cam_model: np.ndarray, memory: TrackerMemory
@@ -286,19 +303,17 @@ class Tracker:
             seconds=seconds,
         )
 
-    def _confidence(
+    def _evidence(
         self,
         features: ViewFeatures,
         anchor: AbsoluteFit,
         surface: Track,
         T_cam_obj: np.ndarray,
         scale: float,
-    ) -> float:
+    ) -> np.ndarray:
         foreground = float(torch.sigmoid(features.foreground).mean())
-        return self.config.confidence(
-            track_evidence(
-                surface.confidence, anchor, T_cam_obj, scale, foreground, self._encoder.symmetric
-            )
+        return track_evidence(
+            surface.confidence, anchor, T_cam_obj, scale, foreground, self._encoder.symmetric
         )
 
     def _updated(
@@ -307,9 +322,11 @@ class Tracker:
         frame: RgbdFrame,
         memory: TrackerMemory,
         features: ViewFeatures | None,
-        confidence: float,
     ) -> Track:
-        canonical = memory.canonical
+        canonical, confidence = memory.canonical, 0.0
+        if memory.evidence.any():
+            evidence = np.append(memory.surface.confidence, memory.evidence[1:])
+            confidence = self.config.confidence(evidence)
         T_cam_obj = memory.surface.T_cam_obj @ canonical.T_model_obj
         count = memory.count.after(confidence, self.config.states)
         memory = replace(memory, count=count)

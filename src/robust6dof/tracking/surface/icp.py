@@ -97,8 +97,14 @@ class IcpTracker:
             memory=memory,
         )
 
-    def step(self, track: Track, frame: RgbdFrame) -> Track:
-        """Follow the object to `frame`; never raises on a bad image."""
+    def step(self, track: Track, frame: RgbdFrame, *, learn: bool = True) -> Track:
+        """Follow the object to `frame`; never raises on a bad image.
+
+        Args:
+            track: of the last frame.
+            frame: the image.
+            learn: take what is new in it into the model; a caller short of time may put it off.
+        """
         seconds = seconds_between(track.stamp, frame.stamp)
         memory: IcpMemory = track.memory
         prior = self._prior(memory, seconds)
@@ -117,7 +123,8 @@ class IcpTracker:
         newest = Motion.between(track.T_cam_obj, fit.T_cam_obj, seconds)
         memory = replace(memory, motion=memory.motion.blended(newest, 0.5))
         memory = memory.watching_own_motion(fit.left, self.config)
-        return self._learned(_updated(track, frame, fit, state, memory), frame)
+        track = _updated(track, frame, fit, state, memory)
+        return self._learned(track, frame) if learn else track
 
     def _first_memory(self, frame: RgbdFrame, initial: InitialPose) -> IcpMemory:
         T_cam_obj, extents = initial.T_cam_obj, initial.extents
