@@ -9,12 +9,13 @@ import pytest
 
 from evaluation.small_recordings import write_recording
 from robust6dof.errors import InputError
+from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.evaluate import read_stored, score_stored
 from robust6dof.evaluation.protocols import find_protocol
 from robust6dof.experiments.ablations import _with_keypoints
 from robust6dof.experiments.registry import EXPERIMENTS, find_experiment
 from robust6dof.experiments.report import Line, Report, markdown, write
-from robust6dof.experiments.setting import Setting, Size, data_kind
+from robust6dof.experiments.setting import Setting, Size
 from robust6dof.network.checkpoint import load_network, save_network
 from robust6dof.network.config import preset
 from robust6dof.network.robust6dof_net import Robust6DofNet

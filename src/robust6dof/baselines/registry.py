@@ -58,11 +58,12 @@ def make_tracker(
     return TRACKERS[name](Ingredients(category, seed, weights, device, cad, exact_start))
 
 
-def has_shipped_weights() -> bool:
-    """Whether this build holds the weights of `robust6dof`."""
+def shipped_weights() -> Path | None:
+    """The file of the weights that this build holds for `robust6dof`, if any."""
     from robust6dof.tracking.pretrained import SHIPPED
 
-    return (files("robust6dof") / "weights" / f"{SHIPPED}.safetensors").is_file()
+    path = Path(str(files("robust6dof"))) / "weights" / f"{SHIPPED}.safetensors"
+    return path if path.is_file() else None
 
 
 def _icp(given: Ingredients) -> PoseTracker:

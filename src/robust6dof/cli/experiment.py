@@ -75,9 +75,9 @@ def _setting(options: Options, out: Path) -> Setting:
 
 
 def _default_tracker(options: Options) -> str:
-    from robust6dof.baselines.registry import has_shipped_weights
+    from robust6dof.baselines.registry import shipped_weights
 
-    if options.weights is not None or has_shipped_weights():
+    if options.weights or shipped_weights():
         return "robust6dof"
     print("note: no weights are shipped; the tracker in question is icp")
     return "icp"

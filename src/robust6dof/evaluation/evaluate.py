@@ -11,6 +11,7 @@ import numpy as np
 from robust6dof.data.dataset import Dataset
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError
+from robust6dof.evaluation.data_kind import RECORDED, data_kind
 from robust6dof.evaluation.detections import Image
 from robust6dof.evaluation.frame_choice import FrameChoice
 from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
@@ -105,6 +106,9 @@ def read_stored(
 def _remarks(info: RunInfo) -> tuple[str, ...]:
     """What of a run's making must be said beside its figures."""
     remarks = [info.remark] if info.remark else []
+    kind = data_kind(Path(info.data))
+    if kind != RECORDED:
+        remarks.append(f"measured on {kind}: not comparable with figures on real images")
     if info.frames != FrameChoice():
         remarks.append(f"only part of the frames: {info.frames}")
     if info.single_view:

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from robust6dof.baselines.registry import shipped_weights
+from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.scores import Scores
 from robust6dof.experiments.budget import train_row
 from robust6dof.experiments.figures import Series, plot_curves
 from robust6dof.experiments.report import Line, Report, line_of
-from robust6dof.experiments.setting import Setting, data_kind
+from robust6dof.experiments.setting import Setting
 from robust6dof.network.checkpoint import load_network, save_network
 from robust6dof.network.config import ablation, preset
 from robust6dof.network.robust6dof_net import Robust6DofNet
@@ -23,7 +25,9 @@ _COLUMNS = ("IoU25", "IoU50", "5deg2cm", "5deg5cm", "10deg5cm", "R_err_deg", "T_
 
 def keypoint_count(setting: Setting) -> Report:
     """The four measures against the number of keypoints; weights serve any number."""
-    weights = setting.weights or train_row(setting, "M5", preset(setting.size.preset), LossConfig())
+    weights = setting.weights or shipped_weights()
+    if weights is None:
+        weights = train_row(setting, "M5", preset(setting.size.preset), LossConfig())
     lines, rows = [], []
     for count in KEYPOINTS:
         path = _with_keypoints(weights, count, setting.out / "weights" / f"n{count}")

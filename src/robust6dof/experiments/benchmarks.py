@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from robust6dof.evaluation.cad_models import find_cad_mesh
+from robust6dof.evaluation.data_kind import RECORDED, data_kind
 from robust6dof.evaluation.evaluate import Stored, default_models
 from robust6dof.evaluation.model_points import read_model_points
 from robust6dof.evaluation.protocols import find_protocol
 from robust6dof.evaluation.report import plot_curves as plot_score_curves
 from robust6dof.evaluation.scores import Scores
 from robust6dof.experiments.report import Line, Report, caveats, line_of, published_lines
-from robust6dof.experiments.setting import Setting, data_kind
+from robust6dof.experiments.setting import Setting
 from robust6dof.shapes.sampling import sample_surface
 
 _POSES = ("5deg2cm", "5deg5cm", "10deg2cm", "10deg5cm")
@@ -130,11 +131,12 @@ def _report(
     scores: Scores,
 ) -> Report:
     """With the published lines beside, which were measured on the benchmark itself."""
+    kind = data_kind(setting.dataset_path())
     return Report(
         title,
-        data_kind(setting.dataset_path()),
+        kind,
         columns,
-        (*lines, *published_lines(protocol)),
+        (*lines, *published_lines(protocol, comparable=kind == RECORDED)),
         tuple(figures),
         (*scores.notes, *caveats(protocol)),
         protocol,

@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robust6dof.data.image_files import write_image
+from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.experiments.report import Report
-from robust6dof.experiments.setting import Setting, data_kind
+from robust6dof.experiments.setting import Setting
 from robust6dof.visualization.overlay import GREEN, YELLOW, draw_box_and_axes, draw_label
 
 _COLUMNS = 5

@@ -45,10 +45,13 @@ def line_of(name: str, scores: Scores, remark: str = "") -> Line:
     return Line(name, scores.mean, scores.details.get("interval95", {}), remark)
 
 
-def published_lines(protocol: str) -> tuple[Line, ...]:
-    """The published figures of a benchmark, to stand beside ours with what must be minded."""
+def published_lines(protocol: str, comparable: bool) -> tuple[Line, ...]:
+    """The published figures of a benchmark; where ours are of other images, each line says so."""
+    where = "published" if comparable else "published, real images: NOT comparable"
     return tuple(
-        Line(one.method, one.figures, remark=one.remark or "published, on the benchmark itself")
+        Line(
+            one.method, one.figures, remark="; ".join(part for part in (where, one.remark) if part)
+        )
         for one in PUBLISHED.get(protocol, ())
     )
 

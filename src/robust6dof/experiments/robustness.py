@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from robust6dof.data.track_file import read_tracks
+from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.scores import Scores
 from robust6dof.experiments.figures import Series, plot_bars, plot_curves, plot_scatter
 from robust6dof.experiments.report import Line, Report, line_of
-from robust6dof.experiments.setting import Setting, data_kind
+from robust6dof.experiments.setting import Setting
 
 DROPS = (0, 5, 10, 25, 50, 75, 100)
 """Frames dropped after the first: the paper's axis, and two more where most happens."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -135,15 +134,3 @@ class Setting:
         """Every tracker's scores, started and scored by one protocol."""
         for tracker in self.trackers:
             yield tracker, self.scores(self.predict(tracker, protocol, **choices), protocol)
-
-
-def data_kind(path: Path) -> str:
-    """What kind of data a folder holds, in words: a figure must say what it was measured on."""
-    plans = [json.loads(file.read_text()) for file in sorted(path.glob("**/plan.json"))[:1]]
-    if not plans:
-        return "recorded images"
-    if "video" in plans[0]:
-        return "YCB-Video re-rendered: real trajectories, scanned shapes, synthetic images"
-    if plans[0].get("mesh"):
-        return "synthetic images and motion of meshes that were given"
-    return "synthetic: procedural shapes, simulated motion and sensor (AerialPose-Sim)"
