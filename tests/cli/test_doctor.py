@@ -220,13 +220,13 @@ def test_a_data_set_lacks_and_contradicts(
 
 def test_something_else_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "all" / "shapes").mkdir(parents=True)
-    for name in ("a.glb", "b.glb", "list.csv"):
+    for name in ("a.bin", "b.bin", "list.csv"):
         (tmp_path / "all" / "shapes" / name).touch()
     write_frame(tmp_path / "all" / "scenes" / "real_test" / "scene_1", "0000", make_instances())
     code, text = doctor(tmp_path / "all", capsys)
     assert code == 1
     assert "neither a recording nor a data set that is known" in text
-    assert "2 .glb" in text
+    assert "2 .bin" in text
     assert "look into scenes (nocs)" in text
     assert doctor(tmp_path / "nowhere", capsys)[0] == 1
 
