@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from robust6dof.baselines.icp import IcpTracker
 from robust6dof.frames import RgbdFrame, Track, TrackState
 from robust6dof.rendering.sensor import StereoSensorConfig
 from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
@@ -19,6 +18,7 @@ from robust6dof.simulation.outcome import judge_run, sum_up
 from robust6dof.simulation.pose_source import TrackedPoses, TruePoses
 from robust6dof.simulation.scenario import scenario_named
 from robust6dof.simulation.start import draw_episode
+from robust6dof.tracking.surface.icp import IcpTracker
 
 MANIPULATOR = default_aerial_manipulator()
 GOAL = look_down_goal(0.5)
