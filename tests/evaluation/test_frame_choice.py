@@ -85,7 +85,7 @@ def test_single_views_are_estimated_from_masks_alone(data):
     run = data.parent / "run"
     made = []
 
-    def make(category, cad):
+    def make(category, cad, exact_start):
         made.append(Estimating(category))
         return made[-1]
 
