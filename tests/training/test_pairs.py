@@ -2,9 +2,11 @@ import pytest
 import torch
 
 from robust6dof.errors import InputError
+from robust6dof.network.config import preset
 from robust6dof.network.device import resolve_device
 from robust6dof.network.inputs import to_camera
 from robust6dof.tracking.view import ViewConfig
+from robust6dof.training.pair_sets import make_pair_sets
 from robust6dof.training.pairs import SyntheticPairs
 from robust6dof.training.repeated_pairs import RepeatedPairs
 
@@ -49,3 +51,15 @@ def test_cuda_without_a_device_is_refused():
     assert resolve_device("auto") == "cpu"
     with pytest.raises(InputError, match="--device cpu"):
         resolve_device("cuda")
+
+
+def test_pairs_to_train_on_and_pairs_held_out_fit_the_network_and_share_no_shape():
+    network = preset("tiny")
+    pairs, held_out = make_pair_sets(network, seed=5, epoch=2, count=6, held_out=3)
+    assert (len(pairs), pairs.epoch, len(held_out)) == (6, 2, 3)
+    assert (pairs.pairs.seed, held_out.seed) == (5, 6)
+    first, last = pairs.pairs.config, held_out.config
+    assert first.first_object + first.object_pool <= last.first_object
+    for pair in (pairs[0], held_out[0]):
+        assert pair.current.points.shape[1] == network.points
+        assert pair.prior.shape[1] == network.prior_points

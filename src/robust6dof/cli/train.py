@@ -58,11 +58,9 @@ def run(options: Options) -> None:
     from robust6dof.network.config import preset
     from robust6dof.network.device import resolve_device
     from robust6dof.shapes.loading import load_category
-    from robust6dof.tracking.view import ViewConfig
     from robust6dof.training.loop import TrainConfig, train
-    from robust6dof.training.pairs import PairConfig, SyntheticPairs
+    from robust6dof.training.pair_sets import make_pair_sets
     from robust6dof.training.recipe import recipe_named
-    from robust6dof.training.repeated_pairs import RepeatedPairs
 
     if options.threads:
         torch.set_num_threads(options.threads)
@@ -72,30 +70,17 @@ def run(options: Options) -> None:
     recipe = replace(
         recipe_named(options.recipe), **{k: v for k, v in given.items() if v is not None}
     )
-    points, prior_points = options.points or network.points, options.points or network.prior_points
     trained = replace(
         network,
-        points=points,
-        prior_points=prior_points,
+        points=options.points or network.points,
+        prior_points=options.points or network.prior_points,
         keypoints=options.keypoints or network.keypoints,
     )
-    count = recipe.steps * recipe.batch
     names, folder = options.categories, options.meshes
     objects = {name: load_category(folder, name) for name in names} if folder else {}
-    rich = ViewConfig(points=2 * points, crop_px=network.crop_px)
-    pairs = RepeatedPairs(
-        SyntheticPairs(
-            rich, 2 * prior_points, options.seed, options.epoch, categories=names, objects=objects
-        ),
-        options.epoch,
-        points,
-        prior_points,
-        count,
-    )
-    view = ViewConfig(points=points, crop_px=network.crop_px)
-    others = PairConfig(first_object=1_000_000)
-    held_out = SyntheticPairs(
-        view, prior_points, options.seed + 1, options.held_out, others, names, objects
+    count = recipe.steps * recipe.batch
+    pairs, held_out = make_pair_sets(
+        trained, options.seed, options.epoch, count, options.held_out, names, objects
     )
     end = time.monotonic() + 60 * options.minutes if options.minutes else float("inf")
     train(

@@ -8,15 +8,15 @@ from pathlib import Path
 from robust6dof.experiments.setting import Setting
 from robust6dof.network.config import NetworkConfig
 from robust6dof.network.device import resolve_device
-from robust6dof.tracking.view import ViewConfig
 from robust6dof.training.loop import TrainConfig, train
 from robust6dof.training.losses import LossConfig
-from robust6dof.training.pairs import PairConfig, SyntheticPairs
+from robust6dof.training.pair_sets import make_pair_sets
 from robust6dof.training.recipe import recipe_named
-from robust6dof.training.repeated_pairs import RepeatedPairs
 
 _EPOCH = 600
 """Distinct pairs, seen again with other points."""
+_HELD_OUT = 12
+"""Pairs of other shapes, for the log."""
 
 
 def train_row(setting: Setting, label: str, network: NetworkConfig, losses: LossConfig) -> Path:
@@ -33,18 +33,8 @@ def train_row(setting: Setting, label: str, network: NetworkConfig, losses: Loss
         return weights
     batch = min(8, recipe_named("short").batch)
     recipe = replace(recipe_named("short"), steps=steps, batch=batch)
-    epoch = min(_EPOCH, steps * batch)
-    rich = ViewConfig(points=2 * network.points, crop_px=network.crop_px)
-    pairs = RepeatedPairs(
-        SyntheticPairs(rich, 2 * network.prior_points, setting.seed, epoch),
-        epoch,
-        network.points,
-        network.prior_points,
-        steps * batch,
-    )
-    view = ViewConfig(points=network.points, crop_px=network.crop_px)
-    others = PairConfig(first_object=1_000_000)
-    held_out = SyntheticPairs(view, network.prior_points, setting.seed + 1, 12, others)
+    count = steps * batch
+    pairs, held_out = make_pair_sets(network, setting.seed, min(_EPOCH, count), count, _HELD_OUT)
     train(
         TrainConfig(network, recipe, losses, setting.seed),
         pairs,
