@@ -1,6 +1,9 @@
-"""Interaction matrices against finite differences, pinocchio and numbers worked out by hand."""
+"""Interaction matrices against finite differences, pinocchio, ViSP and numbers by hand."""
 
 from __future__ import annotations
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +23,8 @@ from robust6dof.servo.interaction import (
 )
 
 STEP = 1e-6
+VISP = json.loads(Path(__file__).with_name("visp_numbers.json").read_text())
+"""What ViSP 3.5.0 computes; `visp_numbers.cpp` printed it."""
 
 
 def _random_rotation(rng: np.random.Generator) -> np.ndarray:
@@ -69,6 +74,23 @@ def test_rotation_vector_interaction_matches_pinocchio():
         theta_u = angle * axis / np.linalg.norm(axis)
         expected = pin.Jlog3(pin.exp3(theta_u))
         np.testing.assert_allclose(rotation_vector_interaction(theta_u), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("case", VISP["points"])
+def test_point_interaction_is_visps(case):
+    """Its features x, y (vpFeaturePoint) and log(Z/Z*) (vpFeatureDepth)."""
+    expected = np.vstack([case["xy"], case["log_Z"]])
+    L = point_interaction(np.array(case["t_cam_obj"]))
+    np.testing.assert_allclose(L, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("case", VISP["turns"])
+def test_rotation_vector_interaction_is_visps(case):
+    """Its θu of c*R_c; the paper's print is that of cR_c* without its minus (vpFeatureThetaU)."""
+    theta_u = np.array(case["theta_u"])
+    L, printed = rotation_vector_interaction(theta_u), printed_rotation_vector_interaction(theta_u)
+    np.testing.assert_allclose(L, case["goal_R_cam"], atol=1e-12)
+    np.testing.assert_allclose(printed, -np.array(case["cam_R_goal"]), atol=1e-12)
 
 
 def test_rotation_error_moves_as_its_matrix_says():
