@@ -62,6 +62,7 @@ def test_true_poses_need_no_tracker(tmp_path, capsys):
         (("--scenario", "tabel"), "no scenario 'tabel'"),
         (("--seeds", "5..2"), "seeds must"),
         (("--standoff", "-1"), "stand-off"),
+        (("--goal-tilt-deg", "80"), "tilt"),
         (("--goal", "missing.txt"), "missing.txt"),
         (("--tracker", "none"), "no tracker 'none'"),
         (("--category", "teapot"), "teapot"),

@@ -116,6 +116,27 @@ def test_default_goal_looks_straight_down_on_an_upright_object(yaw: float):
     assert reach_goal(default_aerial_manipulator(), goal).reachable
 
 
+@pytest.mark.parametrize("tilt_deg", [25.0, 60.0])
+def test_a_tilted_goal_sees_the_object_from_aside_in_the_images_middle(tilt_deg: float):
+    tilt = np.radians(tilt_deg)
+    goal = look_down_goal(0.5, yaw=0.4, tilt=tilt)
+    np.testing.assert_allclose(goal[:3, 3], [0, 0, 0.5])
+    up_cam = goal[:3, 1]
+    np.testing.assert_allclose(up_cam, [0, -np.sin(tilt), -np.cos(tilt)], atol=1e-12)
+    # Where the camera is: tilted from above to the side at the image's bottom.
+    front_obj = look_down_goal(0.5, yaw=0.4)[:3, :3].T @ [0, 1, 0]
+    p_obj_cam = -goal[:3, :3].T @ goal[:3, 3]
+    expected = 0.5 * (np.cos(tilt) * np.array([0, 1, 0]) + np.sin(tilt) * front_obj)
+    np.testing.assert_allclose(p_obj_cam, expected, atol=1e-12)
+    assert reach_goal(default_aerial_manipulator(), goal).reachable
+
+
+@pytest.mark.parametrize("tilt", [-0.1, 1.1, np.nan])
+def test_a_goal_from_below_or_from_the_horizon_is_refused(tilt: float):
+    with pytest.raises(InputError, match="tilt"):
+        look_down_goal(0.5, tilt=tilt)
+
+
 def test_goal_file_is_read_back(tmp_path: Path):
     goal = look_down_goal(0.7, 0.4)
     path = tmp_path / "goal.txt"

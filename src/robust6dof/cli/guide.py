@@ -40,9 +40,11 @@ class Options(CommonOptions):
     tracker: str = "robust6dof"
     """Which tracker."""
     standoff: float = 0.5
-    """Of the goal camera above the object [m], looking straight down."""
+    """Of the goal camera from the object [m]; it looks down on it."""
+    goal_tilt_deg: float = 0.0
+    """From straight down [deg], 0 to 60: the goal camera then sees the object from aside too."""
     goal: Path | None = None
-    """File with the goal T_cam_obj (4×4 numbers) instead of --standoff."""
+    """File with the goal T_cam_obj (4×4 numbers) instead of the two before."""
     time_limit: float = 60.0
     """End of a run that does not arrive [s]."""
     latency_ms: float = 50.0
@@ -195,9 +197,13 @@ def _scenario(options: Options) -> Scenario:
 
 
 def _goal(options: Options) -> Any:
+    from math import radians
+
     from robust6dof.servo.goal import look_down_goal, read_goal
 
-    return read_goal(options.goal) if options.goal else look_down_goal(options.standoff)
+    if options.goal:
+        return read_goal(options.goal)
+    return look_down_goal(options.standoff, tilt=radians(options.goal_tilt_deg))
 
 
 def _config(options: Options) -> GuidanceConfig:
@@ -230,8 +236,8 @@ def _settings(options: Options) -> dict[str, Any]:
     from robust6dof import __version__
 
     keys = (
-        "scenario category path speed law poses tracker standoff goal time_limit latency_ms "
-        "measured_delay same_category_clutter video plots"
+        "scenario category path speed law poses tracker standoff goal_tilt_deg goal time_limit "
+        "latency_ms measured_delay same_category_clutter video plots"
     )
     settings = {key: getattr(options, key) for key in keys.split()}
     settings["goal"] = None if options.goal is None else _goal(options).tolist()

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robust6dof.errors import InputError
-from robust6dof.geometry.transforms import axis_error, check_transform, rotation_error
+from robust6dof.geometry.transforms import check_transform, orientation_error
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.following import Following
 from robust6dof.servo.safety import SafetyLimits, ServoState
@@ -156,8 +156,7 @@ def _jumped(
 ) -> bool:
     dt = min(dt, _JUMP_GAP_S)
     distance = float(np.linalg.norm(T[:3, 3] - before[:3, 3]))
-    compare = axis_error if symmetric else rotation_error
-    angle = float(compare(before[:3, :3], T[:3, :3]))
+    angle = orientation_error(before[:3, :3], T[:3, :3], symmetric)
     return (
         distance > limits.jump_distance + limits.jump_speed * dt
         or angle > limits.jump_angle + limits.jump_turn * dt
