@@ -73,3 +73,11 @@ def test_mistakes_are_one_line(tmp_path: Path, capsys, arguments, says):
     error = capsys.readouterr().err
     assert says in error
     assert len(error.splitlines()) == 1
+
+
+def test_a_goal_that_no_level_vehicle_holds_is_refused(tmp_path: Path, capsys):
+    from_below = tmp_path / "goal.txt"
+    from_below.write_text("1 0 0 0  0 0 -1 0  0 1 0 0.5  0 0 0 1")
+    arguments = ["guide", "--goal", str(from_below), "--out", str(tmp_path / "out"), *SHORT]
+    assert main(arguments) == 1
+    assert "out of the arm's reach" in capsys.readouterr().err

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robust6dof.errors import DataError, InputError
-from robust6dof.geometry.transforms import make_transform, rotation_error
+from robust6dof.geometry.transforms import make_transform, rotation_about_y, rotation_error
 from robust6dof.robot.aerial_manipulator import (
     DEFAULT_ARM,
     AerialManipulator,
@@ -116,6 +116,27 @@ def test_open_manipulator_reaches_goals_above_upright_objects_and_says_which_it_
     assert not reach.reachable
     assert reach.angle_off == pytest.approx(np.radians(20), rel=1e-3)
     assert reach_goal(ROBOT, make_transform(sideways, np.array([0, 0, 0.5]))).reachable
+
+
+@given(
+    forward=st.floats(0, np.radians(50)),
+    sideways=st.floats(-np.radians(50), np.radians(50)),
+    yaw=st.floats(-np.pi, np.pi),
+)
+@settings(max_examples=10)
+def test_open_manipulator_reaches_what_lies_in_its_arms_plane_and_no_other_view(
+    forward: float, sideways: float, yaw: float
+):
+    """Pitching forward keeps the object's up in the arm's plane; rolling takes it out, by as much
+    as is then left."""
+    robot = _open_manipulator()
+    pitch = Rotation.from_rotvec([-forward, 0, 0])
+    roll = Rotation.from_rotvec([0, sideways, 0])
+    R_cam_obj = (roll * pitch).as_matrix() @ LOOK_DOWN @ rotation_about_y(yaw)
+    reach = reach_goal(robot, make_transform(R_cam_obj, np.array([0, 0, 0.5])))
+    out_of_plane = abs(np.arcsin(np.clip(R_cam_obj[0, 1], -1, 1)))  # of up, along the image's x
+    assert reach.angle_off == pytest.approx(out_of_plane, abs=2e-3)
+    assert reach.reachable == (reach.angle_off < 0.01)
 
 
 def test_the_object_that_lies_down_needs_another_view():

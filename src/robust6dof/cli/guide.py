@@ -174,7 +174,7 @@ def _check(options: Options) -> None:
     if options.speed is not None and not 0 < options.speed <= 1:
         raise InputError(f"--speed must be over 0 and at most 1 m/s, got {options.speed}")
     _scenario(options)
-    _goal(options)
+    _check_reach(options)
 
 
 def _laws(options: Options) -> list[str]:
@@ -204,6 +204,22 @@ def _goal(options: Options) -> Any:
     if options.goal:
         return read_goal(options.goal)
     return look_down_goal(options.standoff, tilt=radians(options.goal_tilt_deg))
+
+
+def _check_reach(options: Options) -> None:
+    """Refuse a goal that a hovering vehicle cannot hold."""
+    from math import degrees
+
+    from robust6dof.errors import InputError
+    from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
+    from robust6dof.robot.reachability import reach_goal
+
+    reach = reach_goal(default_aerial_manipulator(), _goal(options))
+    if not reach.reachable:
+        raise InputError(
+            f"the goal is out of the arm's reach: over an upright object a level vehicle stays "
+            f"{degrees(reach.angle_off):.0f} degrees off this view; choose one that looks down"
+        )
 
 
 def _config(options: Options) -> GuidanceConfig:
