@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.baselines.feature_view import Features
-from robust6dof.geometry.transforms import invert_transform
+from robust6dof.geometry.transforms import invert_transform, view_direction
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.support_plane import Plane
@@ -30,8 +30,7 @@ class StoredView:
     @property
     def direction(self) -> Float[np.ndarray, "3"]:
         """Unit vector from the object to the camera, in the object frame."""
-        camera = invert_transform(self.T_cam_obj)[:3, 3]
-        return camera / max(float(np.linalg.norm(camera)), 1e-9)
+        return view_direction(self.T_cam_obj)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,8 @@ class FeatureMemory:
 
     def nearest(self, T_cam_obj: np.ndarray, count: int) -> list[StoredView]:
         """The last frame, then the stored views seen from nearest to here."""
-        camera = invert_transform(T_cam_obj)[:3, 3]
-        ranked = sorted(self.views, key=lambda view: -float(view.direction @ camera))
+        here = view_direction(T_cam_obj)
+        ranked = sorted(self.views, key=lambda view: -float(view.direction @ here))
         return [self.last, *ranked[:count]]
 
     def with_view(self, view: StoredView, spacing: float, capacity: int) -> FeatureMemory:

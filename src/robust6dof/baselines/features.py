@@ -25,7 +25,7 @@ from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import check_transform, invert_transform
 from robust6dof.solver.rigid_ransac import ransac_rigid
-from robust6dof.tracking.initialisation import find_initial_pose
+from robust6dof.tracking.initialisation import NOTHING_THERE, find_initial_pose
 from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount, StateRules, next_state
@@ -121,10 +121,7 @@ class FeatureTracker:
         )
         cloud = self._cut(frame, T_start, extents, plane, margin, initial.mask)
         if not len(cloud):
-            raise InputError(
-                "no depth on the object in the first frame: check the start pose, the depth's "
-                "unit and that the object is in view"
-            )
+            raise InputError(NOTHING_THERE)
         view = store_view(features, cloud, T_start, extents)
         memory = FeatureMemory(view, (view,), plane, Motion.at_rest(), StateCount())
         return Track(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robust6dof.errors import InputError
 from robust6dof.frames import PoseTracker
 from robust6dof.shapes.mesh import TexturedMesh
+
+if TYPE_CHECKING:
+    from robust6dof.tracking.encoder import ViewEncoder
 
 MeshSource = Callable[[], TexturedMesh]
 """Gives the CAD mesh of the object to be followed, centred on its box; asked only by trackers that
@@ -58,14 +61,6 @@ def make_tracker(
     return TRACKERS[name](Ingredients(category, seed, weights, device, cad, exact_start))
 
 
-def shipped_weights() -> Path | None:
-    """The file of the weights that this build holds for `robust6dof`, if any."""
-    from robust6dof.tracking.pretrained import SHIPPED
-
-    path = Path(str(files("robust6dof"))) / "weights" / f"{SHIPPED}.safetensors"
-    return path if path.is_file() else None
-
-
 def _icp(given: Ingredients) -> PoseTracker:
     from robust6dof.tracking.surface.icp import IcpTracker
 
@@ -97,25 +92,24 @@ def _oracle_icp(given: Ingredients) -> PoseTracker:
 
 def _network(given: Ingredients) -> PoseTracker:
     from robust6dof.tracking.canonical_frame import EXACT_START, ROUGH_START
-    from robust6dof.tracking.tracker import Tracker, TrackerConfig
+    from robust6dof.tracking.tracker import Tracker
+    from robust6dof.tracking.tracker_config import TrackerConfig
 
     doubt = EXACT_START if given.exact_start else ROUGH_START
-    return Tracker.from_pretrained(
-        given.weights,
-        category=given.category,
-        config=TrackerConfig(given_doubt=doubt),
-        device=given.device,
-        seed=given.seed,
-    )
+    return Tracker(_encoder(given), TrackerConfig(given_doubt=doubt))
+
+
+def _encoder(given: Ingredients) -> ViewEncoder:
+    from robust6dof.tracking.encoder import ViewEncoder
+
+    return ViewEncoder.from_pretrained(given.weights, given.category, given.device, given.seed)
 
 
 def _keypoints(given: Ingredients) -> PoseTracker:
     """The paper's tracker: keypoint matches, without surface registration."""
     from robust6dof.tracking.keypoint_tracker import KeypointTracker
 
-    return KeypointTracker.from_pretrained(
-        given.weights, category=given.category, device=given.device, seed=given.seed
-    )
+    return KeypointTracker(_encoder(given))
 
 
 def _unsupervised_keypoints(given: Ingredients) -> PoseTracker:
@@ -130,13 +124,7 @@ def _unsupervised_keypoints(given: Ingredients) -> PoseTracker:
             "experiment keypoint-ablation, and give the file with --weights"
         )
     config = KeypointConfig(pose=JointPoseConfig(anchor_weight=0.0), memory_capacity=0)
-    tracker = KeypointTracker.from_pretrained(
-        given.weights,
-        category=given.category,
-        config=config,
-        device=given.device,
-        seed=given.seed,
-    )
+    tracker = KeypointTracker(_encoder(given), config)
     source = tracker.net.config.keypoint_source
     if source != "unsupervised":
         raise InputError(f"{given.weights} has keypoints of the kind '{source}', not unsupervised")

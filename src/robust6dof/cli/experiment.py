@@ -34,8 +34,12 @@ class Options(CommonOptions):
     """Weights (.safetensors) of the network's trackers, instead of the shipped ones."""
     size: Literal["tiny", "small", "full"] = "small"
     """tiny: does it run; small: minutes to an hour on two cores; full: everything."""
+    network: Literal["paper", "small", "tiny"] | None = None
+    """Preset of the network that the ablations train, instead of the size's."""
     steps: int | None = None
     """Training steps of each row of an ablation, instead of the size's."""
+    trainings: int = 1
+    """How often each row of an ablation is trained, with seeds from --seed on."""
     models: Path | None = None
     """Model points for ADD and ADD-S (default: models_points or models in the data set)."""
     processes: int = 1
@@ -69,13 +73,15 @@ def _setting(options: Options, out: Path) -> Setting:
         device=options.device,
         seed=options.seed,
         processes=options.processes,
+        network=options.network,
         steps=options.steps,
+        trainings=options.trainings,
         models=options.models,
     )
 
 
 def _default_tracker(options: Options) -> str:
-    from robust6dof.baselines.registry import shipped_weights
+    from robust6dof.tracking.pretrained import shipped_weights
 
     if options.weights or shipped_weights():
         return "robust6dof"

@@ -15,7 +15,8 @@ from robust6dof.shapes.procedural import make_object
 from robust6dof.synthetic.sequence import SyntheticSequence
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.surface.icp import IcpTracker
-from robust6dof.tracking.tracker import Tracker, TrackerMemory
+from robust6dof.tracking.tracker import Tracker
+from robust6dof.tracking.tracker_memory import TrackerMemory
 from robust6dof.tracking.view import ViewConfig, make_view
 
 _TEST_SHAPES = 2_000_000

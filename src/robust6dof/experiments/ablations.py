@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from robust6dof.baselines.registry import shipped_weights
 from robust6dof.evaluation.data_kind import data_kind
-from robust6dof.evaluation.scores import Scores
 from robust6dof.experiments.budget import train_row
-from robust6dof.experiments.figures import Series, plot_curves
+from robust6dof.experiments.figures import plot_curves, series_of
 from robust6dof.experiments.report import Line, Report, line_of
 from robust6dof.experiments.setting import Setting
 from robust6dof.network.checkpoint import load_network, save_network
-from robust6dof.network.config import ablation, preset
 from robust6dof.network.robust6dof_net import Robust6DofNet
+from robust6dof.tracking.pretrained import shipped_weights
 from robust6dof.training.losses import LOSS_SETS, LossConfig
 
 KEYPOINTS = (100, 200, 300, 400, 500, 600, 700, 800)
@@ -27,7 +23,7 @@ def keypoint_count(setting: Setting) -> Report:
     """The four measures against the number of keypoints; weights serve any number."""
     weights = setting.weights or shipped_weights()
     if weights is None:
-        weights = train_row(setting, "M5", preset(setting.size.preset), LossConfig())
+        weights = train_row(setting, "M5", "M5", LossConfig(), setting.seed)
     lines, rows = [], []
     for count in KEYPOINTS:
         path = _with_keypoints(weights, count, setting.out / "weights" / f"n{count}")
@@ -38,10 +34,10 @@ def keypoint_count(setting: Setting) -> Report:
         setting.out / "keypoint-count.png",
         KEYPOINTS,
         {
-            "5°5cm": _series(rows, "5deg5cm"),
-            "IoU25": _series(rows, "IoU25"),
-            "R_err": replace(_series(rows, "R_err_deg"), dashed=True),
-            "T_err": replace(_series(rows, "T_err_cm"), dashed=True),
+            "5°5cm": series_of(rows, "5deg5cm"),
+            "IoU25": series_of(rows, "IoU25"),
+            "R_err": replace(series_of(rows, "R_err_deg"), dashed=True),
+            "T_err": replace(series_of(rows, "T_err_cm"), dashed=True),
         },
         "number of keypoints",
         "5°5cm, IoU25 [%]",
@@ -86,28 +82,32 @@ def losses(setting: Setting) -> Report:
 
 
 def _ablate(setting: Setting, title: str, rows: dict[str, tuple[str, LossConfig]]) -> Report:
-    base = preset(setting.size.preset)
-    lines = []
-    for label, (name, loss) in rows.items():
-        weights = train_row(setting, label, ablation(name, base), loss)
-        short = label.replace(" ", "-").replace("+", "-")
-        run = setting.predict("keypoints", "6pack", short, weights=weights)
-        tracked = setting.scores(run, "6pack")
-        detected = setting.scores(run, "nocs-map")
-        lines.append(_both(label, tracked, detected))
-    steps = setting.steps or setting.size.steps
+    seeds = range(setting.seed, setting.seed + setting.trainings)
+    weights: dict[str, list[Path]] = {label: [] for label in rows}
+    for seed in seeds:
+        for label, (name, loss) in rows.items():
+            weights[label].append(train_row(setting, label, name, loss, seed))
+    lines = [_row(setting, label, paths) for label, paths in weights.items()]
     note = (
-        f"every row trained for {steps} steps of the network '{setting.size.preset}' with the same "
-        "seed and pairs: a comparison at that budget, not of converged networks"
+        f"every row trained {setting.trainings} times for {setting.training_steps} steps of the "
+        f"network '{setting.preset}', with the same pairs for all rows of one seed: a comparison "
+        "at that budget, not of converged networks"
     )
     return _report(setting, title, _COLUMNS, lines, (), (note,))
 
 
-def _both(label: str, tracked: Scores, detected: Scores) -> Line:
-    """IoU25, 5°5cm and errors of tracking; the others are AP of the same tracked poses."""
+def _row(setting: Setting, label: str, weights: list[Path]) -> Line:
+    """IoU25, 5°5cm and errors of tracking; the others are AP of the same tracked poses.
+
+    All trainings together, and 5°5cm of each.
+    """
+    runs = [setting.predict("keypoints", "6pack", p.parent.name, weights=p) for p in weights]
+    tracked, detected = (setting.pooled_scores(runs, name) for name in ("6pack", "nocs-map"))
     values = detected.mean | tracked.mean
     interval = detected.details.get("interval95", {}) | tracked.details.get("interval95", {})
-    return Line(label, values, interval)
+    each = [setting.scores(run, "6pack").mean["5deg5cm"] for run in runs]
+    remark = f"5deg5cm of each training: {', '.join(f'{value:.1f}' for value in each)}"
+    return Line(label, values, interval, remark if len(each) > 1 else "")
 
 
 def _report(
@@ -126,7 +126,3 @@ def _report(
     return Report(
         title, data, columns, tuple(lines), figures, notes + more, "6pack", "nocs_official"
     )
-
-
-def _series(rows: list[Scores], key: str) -> Series:
-    return Series([row.mean.get(key, np.nan) for row in rows])

@@ -60,6 +60,17 @@ def axis_error(R_a: np.ndarray, R_b: np.ndarray, axis: int = 1) -> np.ndarray:
     return np.asarray(np.arctan2(cross, np.sum(a * b, axis=-1)))
 
 
+def orientation_error(R_a: np.ndarray, R_b: np.ndarray, symmetric: bool) -> float:
+    """Angle [rad] between two orientations; the y axes' alone for a symmetric object."""
+    return float(axis_error(R_a, R_b) if symmetric else rotation_error(R_a, R_b))
+
+
+def view_direction(T_cam_obj: np.ndarray) -> Float[np.ndarray, "3"]:
+    """Unit vector from the object to the camera, in the object frame; zero where they meet."""
+    camera_obj = invert_transform(T_cam_obj)[:3, 3]
+    return camera_obj / max(float(np.linalg.norm(camera_obj)), 1e-9)
+
+
 def rotation_about_y(angle: float) -> Float[np.ndarray, "3 3"]:
     """Rotation by `angle` [rad] about y, the symmetry axis of the canonical frame."""
     return Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.geometry.transforms import axis_error, rotation_error
+from robust6dof.geometry.transforms import orientation_error
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.interaction import rotation_error_vector
 
@@ -88,6 +88,5 @@ def tracking_error(
     T_estimated: Float[np.ndarray, "4 4"], T_true: Float[np.ndarray, "4 4"], symmetric: bool
 ) -> tuple[float, float]:
     """Angle [rad] (of the axis, for a symmetric object) and distance [m] from the truth."""
-    compare = axis_error if symmetric else rotation_error
-    angle = float(compare(T_estimated[:3, :3], T_true[:3, :3]))
+    angle = orientation_error(T_estimated[:3, :3], T_true[:3, :3], symmetric)
     return angle, float(np.linalg.norm(T_estimated[:3, 3] - T_true[:3, 3]))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from robust6dof.geometry.transforms import invert_transform, make_transform
+from robust6dof.geometry.transforms import invert_transform, make_transform, view_direction
 
 _ITERATIONS = 3
 """Of each frame; the next one goes on from there."""
@@ -124,8 +124,7 @@ class CanonicalFrame:
             T_seen = make_transform(
                 _with_axis(self.T_model_obj[:3, :3], T_seen[:3, 1]), T_seen[:3, 3]
             )
-        direction = T_model_cam[:3, 3] / max(float(np.linalg.norm(T_model_cam[:3, 3])), 1e-9)
-        look = Opinion(T_seen, scale, direction, seconds)
+        look = Opinion(T_seen, scale, view_direction(T_cam_model), seconds)
         return replace(self, sides=self._sides_with(look))._solved(seconds)
 
     def rebased(self) -> CanonicalFrame:

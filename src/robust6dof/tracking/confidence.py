@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.geometry.transforms import axis_error, rotation_error
 from robust6dof.solver.absolute import AbsoluteFit
+from robust6dof.tracking.disagreement import Disagreement
 from robust6dof.tracking.joint_pose import JointPose
 
 
@@ -44,21 +44,19 @@ def keypoint_evidence(estimate: JointPose) -> Float[np.ndarray, "5"]:
 
 
 TRACK_CONFIDENCE = ConfidenceModel((4.0, 1.5, -2.0, -2.0, -1.0, 2.0), -2.0)
-"""For `track_evidence`; set by hand."""
+"""For the registration's confidence, then `look_evidence`; set by hand."""
 
 
-def track_evidence(
-    surface: float,
+def look_evidence(
     anchor: AbsoluteFit,
     T_cam_obj: Float[np.ndarray, "4 4"],
     scale: float,
     foreground: float,
     symmetric: bool,
-) -> Float[np.ndarray, "6"]:
-    """What speaks for and against a tracked pose, each part about 0 to 1.
+) -> Float[np.ndarray, "5"]:
+    """What one look of the network says for and against a tracked pose, each part about 0 to 1.
 
     Args:
-        surface: confidence of the registration.
         anchor: what this view alone says.
         T_cam_obj: the tracked pose.
         scale: its box diagonal [m].
@@ -66,20 +64,16 @@ def track_evidence(
         symmetric: compare the axes alone.
 
     Returns:
-        surface, inlier share of the anchor, its disagreement in rotation, place and size, and the
+        Inlier share of the anchor, its disagreement in rotation, place and size, and the
         foreground.
     """
-    error = axis_error if symmetric else rotation_error
-    turn = float(error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3]))
-    gap = float(np.linalg.norm(T_cam_obj[:3, 3] - anchor.T_cam_obj[:3, 3]))
-    growth = abs(float(np.log(anchor.scale / scale)))
+    apart = Disagreement.between(T_cam_obj, scale, anchor.T_cam_obj, anchor.scale, symmetric)
     return np.array(
         [
-            surface,
             anchor.inlier_share,
-            min(turn / np.deg2rad(30.0), 2.0),
-            min(gap / (0.25 * scale), 2.0),
-            min(growth / 0.3, 2.0),
+            min(apart.rotation / np.deg2rad(30.0), 2.0),
+            min(apart.translation / (0.25 * scale), 2.0),
+            min(abs(apart.log_scale) / 0.3, 2.0),
             foreground,
         ]
     )

@@ -14,13 +14,9 @@ from robust6dof.network.inputs import PriorFeatures, ViewFeatures, to_camera
 from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.shapes.priors import load_prior
 from robust6dof.solver.absolute import AbsoluteFit, fit_absolute
+from robust6dof.tracking.initialisation import NOTHING_THERE
 from robust6dof.tracking.pretrained import load_pretrained
 from robust6dof.tracking.view import ViewConfig, make_view
-
-NOTHING_THERE = (
-    "no depth on the object in the first frame: check the start pose, the depth's unit and that "
-    "the object is in view"
-)
 
 
 class ViewEncoder:

@@ -10,10 +10,11 @@ from jaxtyping import Float
 
 from robust6dof.errors import InputError
 from robust6dof.frames import RgbdFrame
-from robust6dof.geometry.transforms import axis_error, rotation_error
 from robust6dof.solver.absolute import AbsoluteFit
 from robust6dof.tracking.canonical_frame import Doubt
-from robust6dof.tracking.encoder import NOTHING_THERE, ViewEncoder
+from robust6dof.tracking.disagreement import Disagreement
+from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.initialisation import NOTHING_THERE
 from robust6dof.tracking.prior_residuals import InitialPose
 
 
@@ -91,17 +92,15 @@ def _follow(
         scale = float(np.clip(anchor.scale, 0.5 * start_scale, 2.0 * start_scale))
     if anchor is None:
         return None
-    log_scale = float(np.log(scale / start_scale))
-    unlikely = _surprise(anchor.T_cam_obj, initial.T_cam_obj, log_scale, doubt, encoder.symmetric)
-    return _Found(anchor, config.evidence * float(np.log(support + 1e-6)) - unlikely)
+    apart = Disagreement.between(
+        initial.T_cam_obj, start_scale, anchor.T_cam_obj, scale, encoder.symmetric
+    )
+    score = config.evidence * float(np.log(support + 1e-6)) - _surprise(apart, doubt)
+    return _Found(anchor, score)
 
 
-def _surprise(
-    T_cam_obj: np.ndarray, T_start: np.ndarray, log_scale: float, doubt: Doubt, symmetric: bool
-) -> float:
-    """Minus the log likelihood of the start, if this pose were true."""
-    error = axis_error if symmetric else rotation_error
-    turn = float(error(T_cam_obj[:3, :3], T_start[:3, :3])) / max(doubt.rotation, 1e-3)
-    shift = float(np.linalg.norm(T_cam_obj[:3, 3] - T_start[:3, 3]))
-    shift /= max(doubt.translation, 1e-4)
-    return 0.5 * (turn**2 + shift**2 + (log_scale / max(doubt.scale, 1e-3)) ** 2)
+def _surprise(apart: Disagreement, doubt: Doubt) -> float:
+    """Minus the log likelihood of the start, if the pose so far from it were true."""
+    turn = apart.rotation / max(doubt.rotation, 1e-3)
+    shift = apart.translation / max(doubt.translation, 1e-4)
+    return 0.5 * (turn**2 + shift**2 + (apart.log_scale / max(doubt.scale, 1e-3)) ** 2)

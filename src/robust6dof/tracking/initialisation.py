@@ -35,6 +35,12 @@ from robust6dof.tracking.segmentation import (
     segment_click,
 )
 
+NOTHING_THERE = (
+    "no depth on the object in the first frame: check the start pose, the depth's unit and that "
+    "the object is in view"
+)
+"""Of every tracker whose start finds nothing."""
+
 
 def find_initial_pose(
     frame: RgbdFrame,

@@ -13,9 +13,8 @@ from jaxtyping import Float
 from robust6dof.errors import InputError
 from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import (
-    axis_error,
     invert_transform,
-    rotation_error,
+    orientation_error,
     transform_points,
 )
 from robust6dof.network.inputs import ViewFeatures, to_camera
@@ -111,14 +110,13 @@ def solve_joint_pose(
     best = min(starts, key=lambda T: _cost(all_blocks, T, distance))
     fit = fit_joint(all_blocks, best, distance)
     views = len(blocks)
-    error = axis_error if symmetric else rotation_error
     return JointPose(
         T_cam_obj=fit.T_cam_obj,
         anchor=anchor,
         support=float(fit.support[:views].mean()) if views else float(fit.support[-1]),
         anchor_support=float(fit.support[-1]),
         residual_share=float(fit.residuals[: max(views, 1)].mean()) / scale,
-        disagreement=float(error(fit.T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3])),
+        disagreement=orientation_error(fit.T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3], symmetric),
         foreground=float(torch.sigmoid(features.foreground).mean()),
     )
 
@@ -196,14 +194,13 @@ def _printed_pose(
         fit = ransac_pnp(previous, project(current, K), K, config.inlier_px, config.hypotheses)
     T_cam_obj = T_cam_pred if fit is None else fit.T_dst_src @ last.T_cam_obj
     support = 0.0 if fit is None else float(fit.inliers.mean())
-    error = axis_error if symmetric else rotation_error
     return JointPose(
         T_cam_obj=T_cam_obj,
         anchor=anchor,
         support=support,
         anchor_support=anchor.inlier_share,
         residual_share=0.0 if fit is None else fit.residual / float(K[0, 0]),
-        disagreement=float(error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3])),
+        disagreement=orientation_error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3], symmetric),
         foreground=float(torch.sigmoid(features.foreground).mean()),
     )
 

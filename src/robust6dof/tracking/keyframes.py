@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.geometry.transforms import invert_transform, rotation_error
+from robust6dof.geometry.transforms import rotation_error, view_direction
 from robust6dof.network.inputs import ViewFeatures
 
 
@@ -24,8 +24,7 @@ class Keyframe:
     @property
     def view_direction(self) -> Float[np.ndarray, "3"]:
         """Unit vector from the object to the camera, in the object frame."""
-        camera_obj = invert_transform(self.T_cam_obj)[:3, 3]
-        return camera_obj / max(float(np.linalg.norm(camera_obj)), 1e-9)
+        return view_direction(self.T_cam_obj)
 
 
 @dataclass(frozen=True, eq=False)

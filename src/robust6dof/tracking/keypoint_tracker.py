@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -65,31 +64,6 @@ class KeypointTracker:
         self.net = encoder.net
         self.category = encoder.category
         self.config = config or KeypointConfig()
-
-    @classmethod
-    def from_pretrained(
-        cls,
-        path: str | Path | None = None,
-        *,
-        category: str,
-        config: KeypointConfig | None = None,
-        device: str = "auto",
-        seed: int = 0,
-    ) -> KeypointTracker:
-        """With the shipped weights, or with one's own.
-
-        Args:
-            path: weights that `robust6dof train` wrote; the shipped ones if not given.
-            category: one with a shipped prior.
-            config: how the network is used.
-            device: auto, cpu or cuda.
-            seed: of the points drawn and of RANSAC.
-
-        Raises:
-            DataError: unusable weights.
-            InputError: no prior for the category.
-        """
-        return cls(ViewEncoder.from_pretrained(path, category, device, seed), config)
 
     def start(
         self,

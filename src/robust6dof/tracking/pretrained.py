@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 
 from robust6dof.errors import DataError
@@ -26,14 +26,21 @@ def load_pretrained(path: str | Path | None = None, device: str = "auto") -> Rob
         InputError: cuda asked for where there is none.
     """
     device = resolve_device(device)
-    if path is not None:
-        return load_network(path, device)
-    with as_file(files("robust6dof") / "weights") as folder:
-        shipped = Path(folder) / f"{SHIPPED}.safetensors"
-        if not shipped.exists():
-            raise DataError(
-                shipped,
-                "this build ships no weights",
-                "Train with robust6dof train, and give the file with --weights",
-            )
-        return load_network(shipped, device)
+    chosen = Path(path) if path is not None else shipped_weights()
+    if chosen is None:
+        raise DataError(
+            _shipped_file(),
+            "this build ships no weights",
+            "Train with robust6dof train, and give the file with --weights",
+        )
+    return load_network(chosen, device)
+
+
+def shipped_weights() -> Path | None:
+    """The file of the weights that this build holds, if any."""
+    path = _shipped_file()
+    return path if path.is_file() else None
+
+
+def _shipped_file() -> Path:
+    return Path(str(files("robust6dof"))) / "weights" / f"{SHIPPED}.safetensors"

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.camera import backproject
-from robust6dof.geometry.transforms import axis_error, make_transform, rotation_error
+from robust6dof.geometry.transforms import make_transform
 from robust6dof.solver.absolute import AbsoluteFit
+from robust6dof.tracking.disagreement import Disagreement
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.segmentation import DepthClusters, Segment, Segmenter
 
@@ -111,11 +112,9 @@ def is_same_pose(
     growth: float = 0.25,
 ) -> bool:
     """Whether one view's own pose and scale [m] are near these, as far as single views can tell."""
-    error = axis_error if symmetric else rotation_error
-    turned = float(error(T_cam_obj[:3, :3], anchor.T_cam_obj[:3, :3]))
-    away = float(np.linalg.norm(T_cam_obj[:3, 3] - anchor.T_cam_obj[:3, 3]))
-    grown = abs(float(np.log(anchor.scale / scale)))
-    return bool(turned < angle and away < gap_share * scale and grown < growth)
+    apart = Disagreement.between(T_cam_obj, scale, anchor.T_cam_obj, anchor.scale, symmetric)
+    near = apart.rotation < angle and apart.translation < gap_share * scale
+    return bool(near and abs(apart.log_scale) < growth)
 
 
 def _upright(

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import check_transform, invert_transform
-from robust6dof.tracking.initialisation import InitialPose, find_initial_pose
+from robust6dof.tracking.initialisation import NOTHING_THERE, InitialPose, find_initial_pose
 from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount, StateRules, next_state
@@ -137,10 +137,7 @@ class IcpTracker:
             frame, T_cam_obj, extents, blank.voxel, plane, _LEARNING_MARGIN, initial.mask
         )
         if not len(view):
-            raise InputError(
-                "no depth on the object in the first frame: check the start pose, the depth's "
-                "unit and that the object is in view"
-            )
+            raise InputError(NOTHING_THERE)
         surface = self._first_surface(blank, view, T_cam_obj)
         return IcpMemory(
             surface=surface,

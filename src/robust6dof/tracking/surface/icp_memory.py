@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.frames import RgbdFrame
-from robust6dof.geometry.transforms import invert_transform
+from robust6dof.geometry.transforms import view_direction
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount
@@ -96,6 +96,4 @@ def view_weight(T_cam_obj: Float[np.ndarray, "4 4"]) -> float:
 
 def view_of(T_cam_obj: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4"]:
     """Direction to the camera in the object frame, and its distance [m]."""
-    camera = invert_transform(T_cam_obj)[:3, 3]
-    distance = float(np.linalg.norm(camera))
-    return np.append(camera / max(distance, 1e-9), distance)
+    return np.append(view_direction(T_cam_obj), np.linalg.norm(T_cam_obj[:3, 3]))

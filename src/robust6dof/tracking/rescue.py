@@ -1,0 +1,103 @@
+"""A second try where the registration fails: from where the network puts the object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from robust6dof.frames import RgbdFrame, Track, TrackState
+from robust6dof.geometry.transforms import invert_transform
+from robust6dof.network.inputs import ViewFeatures
+from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.joint_pose import solve_joint_pose
+from robust6dof.tracking.look import Look
+from robust6dof.tracking.motion import Motion
+from robust6dof.tracking.recovery import confirmed_poses, is_same_pose, poses_to_try
+from robust6dof.tracking.surface.icp import IcpTracker
+from robust6dof.tracking.tracker_config import TrackerConfig
+from robust6dof.tracking.tracker_memory import TrackerMemory
+
+
+class Rescue:
+    """Proposes poses, registers from there, and believes what the network confirms.
+
+    Args:
+        encoder: the network.
+        surface: the registration.
+        config: of the tracker.
+    """
+
+    def __init__(self, encoder: ViewEncoder, surface: IcpTracker, config: TrackerConfig) -> None:
+        self._encoder = encoder
+        self._surface = surface
+        self._config = config
+
+    def try_again(
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
+    ) -> Look:
+        """The look that fits best, among `look` and those that the network confirms."""
+        proposals = self._proposals(frame, look, memory, state)
+        tried = [self._registered_from(T, frame, memory) for T in proposals]
+        placed = [one for one in tried if one.confidence >= self._config.surface_trust]
+        looks = [Look.take(self._encoder, frame, one, memory) for one in placed]
+        believed = [one for one in looks if self._is_confirmed(one, memory)]
+        return max([look, *believed], key=lambda one: one.surface.confidence)
+
+    def _proposals(
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
+    ) -> list[Float[np.ndarray, "4 4"]]:
+        """T_cam_obj by the matches with past views; once the object is lost, of all that could
+        be it."""
+        T_cam_pred = memory.T_cam_obj(look.surface)
+        proposals = []
+        if look.sight is not None:
+            proposals.append(self._matched(frame, T_cam_pred, look.sight.features, memory))
+        if state is TrackState.LOST:
+            scale, recovery = memory.canonical.scale, self._config.recovery
+            guesses = poses_to_try(frame, T_cam_pred, scale, self._encoder.symmetric, recovery)
+            proposals += confirmed_poses(
+                self._encoder, frame, guesses, memory.extents, memory.frames, recovery
+            )
+        return proposals
+
+    @torch.inference_mode()
+    def _matched(
+        self,
+        frame: RgbdFrame,
+        T_cam_pred: np.ndarray,
+        features: ViewFeatures,
+        memory: TrackerMemory,
+    ) -> Float[np.ndarray, "4 4"]:
+        """T_cam_obj from the keypoint matches with the last and the nearest stored views."""
+        past = [memory.last, *memory.views.nearest(T_cam_pred, self._config.pose.stored_views)]
+        return solve_joint_pose(
+            self._encoder.net,
+            features,
+            past,
+            T_cam_pred,
+            memory.canonical.scale,
+            self._encoder.symmetric,
+            frame.K,
+            self._config.pose,
+            np.random.default_rng([self._encoder.seed, memory.frames, 1]),
+        ).T_cam_obj
+
+    def _registered_from(
+        self, T_cam_obj: np.ndarray, frame: RgbdFrame, memory: TrackerMemory
+    ) -> Track:
+        """Registration that begins with the object here and at rest."""
+        T_cam_model = T_cam_obj @ invert_transform(memory.canonical.T_model_obj)
+        rested = replace(memory.surface.memory, motion=Motion.at_rest())
+        return self._surface.step(
+            replace(memory.surface, T_cam_obj=T_cam_model, memory=rested), frame
+        )
+
+    def _is_confirmed(self, look: Look, memory: TrackerMemory) -> bool:
+        """Whether the network, looking there, sees the object as it is registered."""
+        if look.sight is None:
+            return False
+        T_cam_obj, scale = memory.T_cam_obj(look.surface), memory.canonical.scale
+        return is_same_pose(look.sight.anchor, T_cam_obj, scale, self._encoder.symmetric)

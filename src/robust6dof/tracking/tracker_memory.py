@@ -1,0 +1,41 @@
+"""What the tracker carries from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from robust6dof.frames import Track
+from robust6dof.tracking.canonical_frame import CanonicalFrame
+from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
+from robust6dof.tracking.states import StateCount
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerMemory:
+    """Immutable; each step makes a new one."""
+
+    surface: Track
+    """The registration's own track: its object frame is the model frame."""
+    canonical: CanonicalFrame
+    shape: Float[np.ndarray, "3"]
+    """Extents over their diagonal."""
+    last: Keyframe
+    views: KeyframeMemory
+    evidence: Float[np.ndarray, "5"] | None
+    """Of the last look; None where there was nothing to look at."""
+    count: StateCount = field(default_factory=StateCount)
+    seconds: float = 0.0
+    """Since the start."""
+    frames: int = 0
+
+    @property
+    def extents(self) -> Float[np.ndarray, "3"]:
+        """Of the object's box, as believed now [m]."""
+        return self.shape * self.canonical.scale
+
+    def T_cam_obj(self, surface: Track) -> Float[np.ndarray, "4 4"]:
+        """The object where the registration puts its surface."""
+        return surface.T_cam_obj @ self.canonical.T_model_obj
