@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.evaluate import read_stored, score_stored
 from robust6dof.evaluation.protocols import find_protocol
 from robust6dof.experiments.ablations import _with_keypoints
+from robust6dof.experiments.budget import budget_recipe
 from robust6dof.experiments.registry import EXPERIMENTS, find_experiment
 from robust6dof.experiments.report import Line, Report, markdown, write
 from robust6dof.experiments.setting import Setting, Size
@@ -51,7 +53,7 @@ def test_every_table_and_figure_of_the_paper_has_a_name():
 
 def test_tracking_prints_what_evaluate_says_of_the_same_run(setting):
     report = find_experiment("tracking").run(setting)
-    run = setting.out / "runs" / "static-6pack"
+    run = setting.out.parent / "runs" / "data" / "static-6pack"
     (stored,) = read_stored(run, find_protocol("6pack"))
     used = [record for record in stored.records if record.sequence in ("a", "b")]
     scores = score_stored(stored.__class__("x", "y", used), find_protocol("6pack"))
@@ -83,7 +85,8 @@ def test_noise_reaches_the_first_pose_or_every_one(setting):
 
 def test_speed_is_that_of_the_stored_steps(setting):
     report = find_experiment("speed").run(setting)
-    lines = (setting.out / "runs" / "static-aerial" / "a" / "can_0" / "track.jsonl").read_text()
+    runs = setting.out.parent / "runs" / "data"
+    lines = (runs / "static-aerial" / "a" / "can_0" / "track.jsonl").read_text()
     ms = [json.loads(line)["ms"] for line in lines.splitlines()]
     assert 1000 / max(ms) < report.lines[0].values["FPS"] < 1e6
     assert report.lines[-1].values == {"FPS": 24.2}
@@ -104,6 +107,31 @@ def test_the_number_of_keypoints_changes_and_the_weights_stay(tmp_path):
     assert (other.config.keypoints, other.config.prior_points) == (100, 100)
     for name, value in net.state_dict().items():
         np.testing.assert_array_equal(value.numpy(), other.state_dict()[name].numpy())
+
+
+def test_experiments_share_their_runs(setting):
+    find_experiment("tracking").run(setting)
+    done = setting.out.parent / "runs" / "data" / "static-6pack" / "a" / "done.json"
+    written = done.stat().st_mtime_ns
+    find_experiment("pose-noise").run(replace(setting, out=setting.out.parent / "two"))
+    assert done.stat().st_mtime_ns == written
+
+
+def test_pooling_a_run_with_itself_changes_nothing(setting):
+    """Neither the figures nor how sure they are: the sequences are the same."""
+    run = setting.predict("static", "6pack")
+    once, twice = setting.scores(run, "6pack"), setting.pooled_scores([run, run], "6pack")
+    assert twice.mean == pytest.approx(once.mean, nan_ok=True)
+    for key, ends in once.details["interval95"].items():
+        assert twice.details["interval95"][key] == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("steps", [2, 100, 300, 100_000])
+def test_a_short_training_forgets_its_first_weights(steps):
+    recipe = budget_recipe(steps)
+    assert recipe.steps == steps
+    assert recipe.ema**steps < 1e-8
+    assert recipe.ema <= 0.998
 
 
 def test_tables_say_what_is_undefined_and_how_sure_the_rest_is(tmp_path):

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robust6dof.evaluation.intervals import Interval
+from robust6dof.evaluation.scores import Scores
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,12 @@ class Series:
     intervals: Sequence[tuple[float, float] | None] = field(default=())
     dashed: bool = False
     """On the right axis, where there is one."""
+
+
+def series_of(rows: Sequence[Scores], key: str) -> Series:
+    """One metric of several scores, with its intervals."""
+    intervals = [scores.details.get("interval95", {}).get(key) for scores in rows]
+    return Series([scores.mean[key] for scores in rows], intervals)
 
 
 def plot_curves(

@@ -21,6 +21,7 @@ _WIDTH_PX = 320
 def qualitative(setting: Setting) -> Report:
     """One picture for each sequence: a row for each tracker, five moments."""
     poses = {tracker: _by_frame(setting, tracker) for tracker in setting.trackers[:2]}
+    setting.out.mkdir(parents=True, exist_ok=True)
     figures = []
     for sequence in setting.dataset().sequences:
         count = min(len(sequence), setting.size.frames or len(sequence))

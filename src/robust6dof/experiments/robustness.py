@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
 
 import numpy as np
 
 from robust6dof.data.track_file import read_tracks
 from robust6dof.evaluation.data_kind import data_kind
-from robust6dof.evaluation.scores import Scores
-from robust6dof.experiments.figures import Series, plot_bars, plot_curves, plot_scatter
+from robust6dof.experiments.figures import plot_bars, plot_curves, plot_scatter, series_of
 from robust6dof.experiments.report import Line, Report, line_of
 from robust6dof.experiments.setting import Setting
 
@@ -79,11 +77,12 @@ def dropped_frames(setting: Setting) -> Report:
         rows = []
         for drop in drops:
             # The frames behind the gap are the same for every bound on their number.
-            run = setting.predict(tracker, "aerial", f"drop{drop}", drop=drop)
+            label = f"drop{drop}" if drop else ""
+            run = setting.predict(tracker, "aerial", label, drop=drop)
             scores = setting.scores(run, "aerial")
             rows.append(scores)
             lines.append(line_of(f"{tracker}, N = {drop}", scores))
-        series[tracker] = _series(rows, "5deg5cm")
+        series[tracker] = series_of(rows, "5deg5cm")
     axes = ("frames dropped after the first", "frames within 5° 5 cm [%]")
     figure = plot_curves(setting.out / "dropped-frames.png", drops, series, *axes)
     left_out = [drop for drop in DROPS if drop not in drops]
@@ -108,11 +107,11 @@ def pose_noise(setting: Setting) -> Report:
     for tracker in setting.trackers:
         rows = []
         for label, (init, every) in NOISE.items():
-            short = label.replace(" ×", "").replace(".", "").lower()
+            short = label.replace(" ×", "").lower() if init or every else ""
             run = setting.predict(tracker, "6pack", short, init_noise=init, all_noise=every)
             rows.append(setting.scores(run, "6pack"))
             lines.append(line_of(f"{tracker}, {label}", rows[-1]))
-        series[tracker] = _series(rows, "5deg5cm")
+        series[tracker] = series_of(rows, "5deg5cm")
     figure = plot_bars(
         setting.out / "pose-noise.png", list(NOISE), series, "frames within 5° 5 cm [%]"
     )
@@ -131,8 +130,3 @@ def pose_noise(setting: Setting) -> Report:
         "6pack",
         "nocs_official",
     )
-
-
-def _series(rows: Sequence[Scores], key: str) -> Series:
-    intervals = [scores.details.get("interval95", {}).get(key) for scores in rows]
-    return Series([scores.mean[key] for scores in rows], intervals)

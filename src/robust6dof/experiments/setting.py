@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,9 @@ from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.scores import Scores
 from robust6dof.synthetic.aerial import is_done, synthesize
 from robust6dof.synthetic.plans import plan_aerial, plan_split
+
+_NEXT_RUN = 1_000_000
+"""Added to the frames of each further run that is pooled: other images of the same sequence."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,12 @@ class Setting:
     device: str = "auto"
     seed: int = 0
     processes: int = 1
+    network: str | None = None
+    """Preset of the ablations' network, instead of the size's."""
     steps: int | None = None
-    """Training steps, instead of the size's."""
+    """Training steps of each of their rows, instead of the size's."""
+    trainings: int = 1
+    """How often each row is trained, with seeds from `seed` on."""
     models: Path | None = None
     """Model points for ADD and ADD-S."""
 
@@ -71,6 +78,16 @@ class Setting:
         """The one in question first."""
         others = (name for name in self.baselines if name != self.tracker)
         return (self.tracker, *others)
+
+    @property
+    def preset(self) -> str:
+        """Of the ablations' network."""
+        return self.network or self.size.preset
+
+    @property
+    def training_steps(self) -> int:
+        """Of each row of an ablation."""
+        return self.steps or self.size.steps
 
     def dataset_path(self) -> Path:
         """The data; made beside the experiment's folder where none is given."""
@@ -93,7 +110,7 @@ class Setting:
         return replace(dataset, sequences=dataset.sequences[: self.size.sequences])
 
     def predict(self, tracker: str, protocol: str, label: str = "", **choices: Any) -> Path:
-        """Run a tracker, or take up its run; returns the run's folder.
+        """Run a tracker, or take up its run; returns the run's folder, which experiments share.
 
         Args:
             tracker: its name.
@@ -112,7 +129,8 @@ class Setting:
             remark=REMARKS.get(tracker, ""),
             **given,
         )
-        out = self.out / "runs" / "-".join(part for part in (tracker, protocol, label) if part)
+        name = "-".join(part for part in (tracker, protocol, label) if part)
+        out = self.out.parent / "runs" / self.dataset_path().name / name
         make = partial(make_tracker, tracker, seed=self.seed, weights=weights, device=self.device)
         names = [sequence.name for sequence in self.dataset().sequences]
         for name in predict(make, info, out, names, self.processes):
@@ -128,7 +146,18 @@ class Setting:
 
     def scores(self, run: Path, protocol: str) -> Scores:
         """A run's scores, with their interval."""
-        return score_stored(self.stored(run, protocol), find_protocol(protocol), self.models)
+        return self.pooled_scores([run], protocol)
+
+    def pooled_scores(self, runs: Sequence[Path], protocol: str) -> Scores:
+        """Scores over the frames of several runs; the interval draws a sequence of all together."""
+        stored = [self.stored(run, protocol) for run in runs]
+        records = [
+            replace(record, frame=record.frame + number * _NEXT_RUN)
+            for number, one in enumerate(stored)
+            for record in one.records
+        ]
+        pooled = replace(stored[0], records=records)
+        return score_stored(pooled, find_protocol(protocol), self.models)
 
     def runs(self, protocol: str, **choices: Any) -> Iterator[tuple[str, Scores]]:
         """Every tracker's scores, started and scored by one protocol."""
