@@ -26,8 +26,12 @@ class Options(CommonOptions):
     """How many; they go through categories and difficulties in turn."""
     frames: int = 120
     """In each recording, at 30 Hz."""
-    difficulty: tuple[Literal["calm", "agile", "harsh"], ...] = ("calm", "agile", "harsh")
-    """One or several."""
+    difficulty: tuple[Literal["calm", "agile", "harsh", "leaving"], ...] = (
+        "calm",
+        "agile",
+        "harsh",
+    )
+    """One or several; in `leaving` the object is out of view again and again."""
     categories: tuple[str, ...] = ("bottle", "bowl", "camera", "can", "laptop", "mug")
     """Of the targets; with --meshes any name of a folder there."""
     meshes: Path | None = None

@@ -7,7 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-DifficultyName = Literal["calm", "agile", "harsh"]
+DifficultyName = Literal["calm", "agile", "harsh", "leaving"]
+
+BENCHMARK_DIFFICULTIES: tuple[DifficultyName, ...] = ("calm", "agile", "harsh")
+"""The three of AerialPose-Sim."""
 
 
 @dataclass(frozen=True)
@@ -92,5 +95,21 @@ DIFFICULTIES: dict[str, Difficulty] = {
         leave_period=4.0,
         drop_share=0.08,
     ),
+    "leaving": Difficulty(
+        name="leaving",
+        swing=20 * _RAD,
+        swing_rate=70 * _RAD,
+        orbit_rate=35 * _RAD,
+        radial_speed=0.25,
+        burst_period=2.0,
+        target_speed=0.2,
+        moving_share=0.4,
+        clutter=(2, 5),
+        distractors=(1, 2),
+        occlusion_period=6.0,
+        leave_period=0.4,
+        drop_share=0.02,
+    ),
 }
-"""The three difficulties of AerialPose-Sim."""
+"""By name; `leaving` is `agile` with the object out of view again and again, and its like beside it:
+to count losses and how they end."""

@@ -10,7 +10,7 @@ from typing import Literal
 from robust6dof.errors import InputError
 from robust6dof.frames import CATEGORIES
 from robust6dof.shapes.loading import category_files
-from robust6dof.synthetic.difficulty import DIFFICULTIES
+from robust6dof.synthetic.difficulty import BENCHMARK_DIFFICULTIES, DIFFICULTIES
 
 VERSION = "1.0"
 """Of AerialPose-Sim; written into every recording's plan. It changes when the recordings do."""
@@ -62,7 +62,7 @@ def plan_split(name: str, meshes: Path | None = None) -> list[SequencePlan]:
     if name not in SPLITS:
         raise InputError(f"no split '{name}'; there is: {', '.join(SPLITS)}")
     split = SPLITS[name]
-    count = len(CATEGORIES) * len(DIFFICULTIES)
+    count = len(CATEGORIES) * len(BENCHMARK_DIFFICULTIES)
     plans = [plan_aerial(seed, count, split.frames, meshes=meshes) for seed in split.seeds]
     return [plan for of_seed in plans for plan in of_seed]
 
@@ -71,7 +71,7 @@ def plan_aerial(
     seed: int,
     sequences: int,
     frames: int = 120,
-    difficulties: Sequence[str] = tuple(DIFFICULTIES),
+    difficulties: Sequence[str] = BENCHMARK_DIFFICULTIES,
     categories: Sequence[str] = CATEGORIES,
     meshes: Path | None = None,
 ) -> list[SequencePlan]:
@@ -81,7 +81,7 @@ def plan_aerial(
         seed: recording i has its own stream (seed, i), whatever the others are.
         sequences: how many.
         frames: in each.
-        difficulties: calm, agile, harsh.
+        difficulties: calm, agile, harsh, leaving.
         categories: of the targets.
         meshes: folder CATEGORY/MESH to take targets from.
 
