@@ -33,6 +33,8 @@ class Image:
     name: str
     predicted: Boxes
     true: Boxes
+    sequence: str = ""
+    """The video that it is from; images of one are not independent."""
 
 
 def images_from_records(records: Sequence[PoseRecord]) -> list[Image]:
@@ -41,7 +43,7 @@ def images_from_records(records: Sequence[PoseRecord]) -> list[Image]:
     for record in records:
         groups.setdefault((record.sequence, record.frame), []).append(record)
     return [
-        Image(f"{sequence}/{frame}", _predicted(group), _true(group))
+        Image(f"{sequence}/{frame}", _predicted(group), _true(group), sequence)
         for (sequence, frame), group in groups.items()
     ]
 

@@ -15,7 +15,6 @@ from robust6dof.evaluation.data_kind import RECORDED, data_kind
 from robust6dof.evaluation.detections import Image
 from robust6dof.evaluation.frame_choice import FrameChoice
 from robust6dof.evaluation.icg_poses import icg_methods, read_icg_poses
-from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.model_points import read_model_points
 from robust6dof.evaluation.protocols import Protocol
 from robust6dof.evaluation.protocols.nocs_map import score_images
@@ -27,8 +26,6 @@ from robust6dof.evaluation.run_records import make_records, read_run_info, recor
 from robust6dof.evaluation.scores import Scores
 
 _SPARSE = 3
-_MOST_BOOTSTRAPPED = 20_000
-"""Records: above this the bootstrap would take longer than the tracking."""
 FORMATS = ("run", "icg", "nocs", "6pack", "ob_in_cam", "bop")
 
 
@@ -156,19 +153,9 @@ def score_stored(
         if protocol.needs_models:
             scores = _score_points(records, protocol, models, point_stride)
         else:
-            scores = _with_interval(protocol.score(records), records, protocol)
+            scores = protocol.score(records)
     notes = (*scores.notes, *stored.remarks)
     return replace(scores, data=stored.data, tracker=stored.tracker, notes=notes)
-
-
-def _with_interval(scores: Scores, records: Sequence[PoseRecord], protocol: Protocol) -> Scores:
-    """With the bootstrap over sequences, where the protocol has none of its own."""
-    if "interval95" in scores.details or len(records) > _MOST_BOOTSTRAPPED:
-        return scores
-    interval = bootstrap_interval(records, lambda drawn: protocol.score(drawn).mean)
-    sequences = len({record.sequence for record in records})
-    details = scores.details | {"sequences": sequences, "interval95": interval}
-    return replace(scores, details=details)
 
 
 def _score_points(

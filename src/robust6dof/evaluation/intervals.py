@@ -6,11 +6,9 @@ Frames of one sequence are far from independent, so sequences are the unit of th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.scores import Row
 
 Interval = dict[str, tuple[float, float]]
@@ -35,32 +33,24 @@ def percentile_interval(rows: Sequence[Row]) -> Interval:
 
 
 def bootstrap_interval(
-    records: Sequence[PoseRecord],
-    mean: Callable[[Sequence[PoseRecord]], Row],
-    replicates: int = 100,
+    sequences: Sequence[str],
+    mean: Callable[[np.ndarray], Row],
+    replicates: int = 300,
     seed: int = 0,
 ) -> Interval:
-    """Interval of a mean over records; empty with fewer than two sequences.
+    """Interval of a mean over rows; empty with fewer than two sequences.
 
     Args:
-        records: of all sequences.
-        mean: the figures of a set of records.
+        sequences: name of each row's sequence.
+        mean: figures of the rows of these indices; a row that is given twice counts as two.
         replicates: how many times the sequences are drawn; `mean` is asked as often.
         seed: of the draws.
     """
-    groups: dict[str, list[PoseRecord]] = {}
-    for record in records:
-        groups.setdefault(record.sequence, []).append(record)
-    if len(groups) < 2:
+    names, sequence = np.unique(np.asarray(sequences, str), return_inverse=True)
+    if len(names) < 2:
         return {}
-    members = list(groups.values())
-    rows = []
-    for drawn in draw_sequences(len(members), replicates, seed):
-        # A sequence drawn twice is two sequences: each has its own first frame and images.
-        again = [
-            replace(record, sequence=f"{record.sequence} ({copy})")
-            for copy, index in enumerate(drawn)
-            for record in members[index]
-        ]
-        rows.append(mean(again))
-    return percentile_interval(rows)
+    members = [np.flatnonzero(sequence == index) for index in range(len(names))]
+    draws = draw_sequences(len(names), replicates, seed)
+    return percentile_interval(
+        [mean(np.concatenate([members[i] for i in drawn])) for drawn in draws]
+    )

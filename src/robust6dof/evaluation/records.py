@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
-from robust6dof.evaluation.scores import cumulative
+from robust6dof.evaluation.scores import Row, cumulative, mean_rows
 from robust6dof.frames import SYMMETRIC_CATEGORIES
 from robust6dof.geometry.boxes import BoxIou, box_iou
 
@@ -63,6 +64,7 @@ class PoseBatch:
     def __init__(self, records: Sequence[PoseRecord], symmetric: Sequence[bool]) -> None:
         self.symmetric = np.asarray(symmetric, bool).reshape(len(records))
         self.category = np.array([record.category for record in records])
+        self.sequence = np.array([record.sequence for record in records])
         self.found = np.array([record.T_cam_obj is not None for record in records], bool)
         poses = [np.eye(4) if r.T_cam_obj is None else r.T_cam_obj for r in records]
         sizes = [r.extents_true if r.extents is None else r.extents for r in records]
@@ -111,3 +113,12 @@ class PoseBatch:
     def of_category(self) -> dict[str, Bool[np.ndarray, "N"]]:
         """Which rows belong to each category present, in alphabetical order."""
         return {str(name): self.category == name for name in np.unique(self.category)}
+
+    def interval(self, rows: Callable[[np.ndarray], dict[str, Row]]) -> dict[str, Any]:
+        """Number of sequences, and 95 % interval of the mean over categories.
+
+        Args:
+            rows: figures of each category over the records of these indices.
+        """
+        interval = bootstrap_interval(self.sequence.tolist(), lambda index: mean_rows(rows(index)))
+        return {"sequences": len(np.unique(self.sequence)), "interval95": interval}

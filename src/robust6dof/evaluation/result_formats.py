@@ -15,7 +15,7 @@ import csv
 import pickle
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -23,12 +23,11 @@ import numpy as np
 from robust6dof.data.dataset import DatasetSequence, ObjectTruth
 from robust6dof.data.restricted_pickle import read_pickle
 from robust6dof.data.track_file import write_ob_in_cam
-from robust6dof.data.ycb_video import YCB_OBJECTS
 from robust6dof.errors import DataError, InputError
 from robust6dof.evaluation.detections import Boxes, Image, images_from_records
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.run_records import Predicted, object_pose
-from robust6dof.frames import CATEGORIES
+from robust6dof.frames import CATEGORIES, YCB_OBJECTS
 from robust6dof.geometry.transforms import check_transform, make_transform
 
 _FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -61,6 +60,7 @@ def _nocs_image(path: Path) -> Image:
             _nocs_boxes(
                 fields, "gt", np.ones(count) if visible is None else visible, np.ones(count)
             ),
+            PurePosixPath(str(fields.get("image_path", ""))).parent.name,
         )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise DataError(

@@ -7,15 +7,18 @@ IoU > 0.1, so that pose mAP ignores missed detections; AP over the whole set; me
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.evaluation.detections import Boxes, Image, images_from_records
-from robust6dof.evaluation.metrics import average_precision, rotation_err_deg, translation_err_cm
+from robust6dof.evaluation.intervals import bootstrap_interval
+from robust6dof.evaluation.matches import Matches
+from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.scores import Row, Scores, mean_rows
 from robust6dof.frames import SYMMETRIC_CATEGORIES
@@ -26,7 +29,13 @@ CENTIMETRES = np.append(np.arange(21) / 2, 100.0)
 IOUS = np.arange(101) / 100
 POSE_IOU = 10
 """Index of the IoU, 0.1, at which pairs must be matched before their poses count."""
-HEADLINE_POSES = ((5, 2), (5, 5), (10, 2), (10, 5))
+_HEADLINE_IOUS = {"IoU25": 25, "IoU50": 50, "IoU75": 75}
+"""Metric → index of its threshold."""
+_HEADLINE_POSES = {
+    f"{degrees}deg{centimetres}cm": degrees * len(CENTIMETRES) + 2 * centimetres
+    for degrees, centimetres in ((5, 2), (5, 5), (10, 2), (10, 5))
+}
+"""Metric → index of its pair of thresholds, centimetres fastest."""
 NOTES = (
     "pose mAP leaves out truths unmatched at IoU 0.1: it ignores missed detections",
     "state the source of the detections beside every mAP; with SPD's shared Mask R-CNN results "
@@ -57,7 +66,7 @@ def score_images(
     iou: BoxIou = "nocs_official",
     handle_rule: bool = True,
 ) -> Scores:
-    """mAP at the headline thresholds, and the AP curves of each class.
+    """mAP at the headline thresholds, the AP curves of each class, and 95 % intervals.
 
     Args:
         images: every image of the set, those without predictions too.
@@ -66,17 +75,16 @@ def score_images(
         handle_rule: a mug whose handle is hidden is symmetric.
     """
     classes = sorted({name for image in images for name in image.true.category})
-    per_category: dict[str, Row] = {}
-    curves: dict[str, dict[str, list[float]]] = {}
-    for name in classes:
-        pairs = class_pairs(images, name, iou, handle_rule)
-        iou_ap, pose_ap = iou_average_precision(pairs), pose_average_precision(pairs)
-        per_category[name] = _headline(iou_ap, pose_ap)
-        curves[name] = {
-            "iou": iou_ap.tolist(),
-            "rotation": pose_ap[:-1, -1].tolist(),
-            "translation": pose_ap[-1, :-1].tolist(),
-        }
+    pairs = {name: class_pairs(images, name, iou, handle_rule) for name in classes}
+    matches = {
+        name: (iou_matches(of_class), pose_matches(of_class)) for name, of_class in pairs.items()
+    }
+    headlines = {
+        name: (by_iou.only(_HEADLINE_IOUS.values()), by_pose.only(_HEADLINE_POSES.values()))
+        for name, (by_iou, by_pose) in matches.items()
+    }
+    per_category = {name: _headline(*both) for name, both in headlines.items()}
+    sequences = [image.sequence for image in images]
     axes = {"iou": IOUS, "rotation": DEGREES[:-1], "translation": CENTIMETRES[:-1]}
     return Scores(
         protocol=protocol,
@@ -85,19 +93,39 @@ def score_images(
         per_category=per_category,
         details={
             "images": len(images),
+            "sequences": len(set(sequences)),
+            "interval95": bootstrap_interval(sequences, partial(_drawn_mean, headlines)),
             "curve_axes": axes,
-            "curves": curves,
+            "curves": {name: _curves(*both) for name, both in matches.items()},
         },
         notes=NOTES,
     )
 
 
-def _headline(iou_ap: np.ndarray, pose_ap: np.ndarray) -> Row:
-    row = {f"IoU{percentage}": float(iou_ap[percentage]) for percentage in (25, 50, 75)}
-    for degrees, centimetres in HEADLINE_POSES:
-        column = int(np.flatnonzero(centimetres == CENTIMETRES)[0])
-        row[f"{degrees}deg{centimetres}cm"] = float(pose_ap[degrees, column])
-    return row
+def _headline(by_iou: Matches, by_pose: Matches) -> Row:
+    """AP under the headline rules, which are all that the matches hold."""
+    iou_ap = zip(_HEADLINE_IOUS, by_iou.average_precision().tolist(), strict=True)
+    return dict([*iou_ap, *zip(_HEADLINE_POSES, by_pose.average_precision().tolist(), strict=True)])
+
+
+def _drawn_mean(headlines: Mapping[str, tuple[Matches, Matches]], images: np.ndarray) -> Row:
+    """Mean of the classes that the drawn images hold; nothing is matched again."""
+    drawn = {
+        name: (by_iou.drawn(images), by_pose.drawn(images))
+        for name, (by_iou, by_pose) in headlines.items()
+    }
+    return mean_rows(
+        {name: _headline(*both) for name, both in drawn.items() if both[0].truths.any()}
+    )
+
+
+def _curves(by_iou: Matches, by_pose: Matches) -> dict[str, list[float]]:
+    pose_ap = by_pose.average_precision().reshape(len(DEGREES), len(CENTIMETRES))
+    return {
+        "iou": by_iou.average_precision().tolist(),
+        "rotation": pose_ap[:-1, -1].tolist(),
+        "translation": pose_ap[-1, :-1].tolist(),
+    }
 
 
 def class_pairs(
@@ -158,27 +186,27 @@ def _pair_values(
     )
 
 
-def iou_average_precision(pairs: Sequence[_Pairs]) -> Float[np.ndarray, "101"]:
-    """AP at each IoU threshold."""
-    matched = [match_iou(image.iou) >= 0 for image in pairs]
-    truths = np.full(len(IOUS), sum(image.iou.shape[1] for image in pairs))
-    scores = np.concatenate([image.score for image in pairs])
-    return average_precision(scores, np.concatenate(matched), truths)
+def iou_matches(pairs: Sequence[_Pairs]) -> Matches:
+    """Which predictions find a truth at each IoU threshold."""
+    return Matches.of_images(
+        [image.score for image in pairs],
+        [match_iou(image.iou) >= 0 for image in pairs],
+        [image.iou.shape[1] for image in pairs],
+    )
 
 
-def pose_average_precision(pairs: Sequence[_Pairs]) -> Float[np.ndarray, "62 22"]:
-    """AP at each pair of degree and centimetre thresholds."""
-    scores, matched, truths = [], [], 0
+def pose_matches(pairs: Sequence[_Pairs]) -> Matches:
+    """Which predictions, of those matched at IoU 0.1, find a truth at each pair of degree and
+    centimetre thresholds (centimetres fastest)."""
+    scores, matched, truths = [], [], []
     for image in pairs:
         partner = match_iou(image.iou)[:, POSE_IOU]
         rows, columns = np.flatnonzero(partner >= 0), np.unique(partner[partner >= 0])
         kept = np.ix_(rows, columns)
         scores.append(image.score[rows])
         matched.append(match_pose(image.R_err_deg[kept], image.T_err_cm[kept]))
-        truths += len(columns)
-    rules = len(DEGREES) * len(CENTIMETRES)
-    ap = average_precision(np.concatenate(scores), np.concatenate(matched), np.full(rules, truths))
-    return ap.reshape(len(DEGREES), len(CENTIMETRES))
+        truths.append(len(columns))
+    return Matches.of_images(scores, matched, truths)
 
 
 def match_iou(iou: Float[np.ndarray, "P G"]) -> np.ndarray:

@@ -36,15 +36,12 @@ def score_batch(protocol: str, batch: PoseBatch, truth_extents: np.ndarray) -> S
     """Score with the true instance's box around both poses."""
     R_err_deg, T_err_cm = batch.R_err_deg(), batch.T_err_cm()
     iou = _iou(batch, truth_extents)
-    per_category: dict[str, Row] = {}
-    for name, members in batch.of_category().items():
-        gate = members & (iou > 0.25)
-        per_category[name] = {
-            "5deg5cm": percent((R_err_deg < 5)[members] & (T_err_cm < 5)[members]),
-            "IoU25": percent(iou[members] > 0.25),
-            "R_err_deg": average(R_err_deg[gate]),
-            "T_err_cm": average(T_err_cm[gate]),
-        }
+
+    def rows(index: np.ndarray) -> dict[str, Row]:
+        errors = (R_err_deg[index], T_err_cm[index], iou[index])
+        return _rows(batch.category[index], *errors)
+
+    per_category = rows(np.arange(len(iou)))
     return Scores(
         protocol=protocol,
         iou="nocs_official",
@@ -53,10 +50,28 @@ def score_batch(protocol: str, batch: PoseBatch, truth_extents: np.ndarray) -> S
         details={
             "frames": len(batch.found),
             "frames_missing": int((~batch.found).sum()),
+            **batch.interval(rows),
             **batch.curves(),
         },
         notes=NOTES,
     )
+
+
+def _rows(
+    category: np.ndarray, R_err_deg: np.ndarray, T_err_cm: np.ndarray, iou: np.ndarray
+) -> dict[str, Row]:
+    """Figures of each category from the errors of its frames."""
+    per_category: dict[str, Row] = {}
+    for name in np.unique(category):
+        members = category == name
+        gate = members & (iou > 0.25)
+        per_category[str(name)] = {
+            "5deg5cm": percent((R_err_deg < 5)[members] & (T_err_cm < 5)[members]),
+            "IoU25": percent(iou[members] > 0.25),
+            "R_err_deg": average(R_err_deg[gate]),
+            "T_err_cm": average(T_err_cm[gate]),
+        }
+    return per_category
 
 
 def _iou(batch: PoseBatch, truth_extents: np.ndarray) -> np.ndarray:

@@ -11,13 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from robust6dof.evaluation.intervals import Interval, draw_sequences, percentile_interval
+from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.metrics import add, add_s, vocap_auc
 from robust6dof.evaluation.records import PoseBatch, PoseRecord
 from robust6dof.evaluation.scores import Row, Scores, cumulative, mean_rows
 
 PAIRS = 14_025
-_REPLICATES = 300
 DISTANCES_CM = np.arange(101) / 10
 
 
@@ -56,24 +55,12 @@ def auc_scores(
             },
             "pairs_missing": sum(record.T_cam_obj is None for record in records),
             "sequences": len({record.sequence for record in records}),
-            "interval95": _interval(add_errors, add_s_errors, records),
+            "interval95": bootstrap_interval(
+                [record.sequence for record in records],
+                lambda rows: _row(add_errors[rows], add_s_errors[rows]),
+            ),
         },
     )
-
-
-def _interval(
-    add_errors: np.ndarray, add_s_errors: np.ndarray, records: Sequence[PoseRecord]
-) -> Interval:
-    """Of the pooled figures; the errors are measured once, however often sequences are drawn."""
-    sequences = np.array([record.sequence for record in records])
-    members = [np.flatnonzero(sequences == name) for name in np.unique(sequences)]
-    if len(members) < 2:
-        return {}
-    rows = []
-    for drawn in draw_sequences(len(members), _REPLICATES):
-        index = np.concatenate([members[i] for i in drawn])
-        rows.append(_row(add_errors[index], add_s_errors[index]))
-    return percentile_interval(rows)
 
 
 def point_errors(
