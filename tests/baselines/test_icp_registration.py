@@ -44,11 +44,11 @@ def _closed_surface(directions: np.ndarray, axes: np.ndarray, printed: bool) -> 
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     turn = np.arctan2(points[:, 0], points[:, 2])
     print_ = 120.0 + 60.0 * np.sin(3.0 * turn) if printed else np.full(len(points), np.nan)
-    return Cloud(points, normals, print_)
+    return Cloud(points, normals, np.repeat(print_[:, None], 3, axis=1))
 
 
 def moved(cloud: Cloud, T: np.ndarray) -> Cloud:
-    return Cloud(transform_points(T, cloud.points), cloud.normals @ T[:3, :3].T, cloud.intensity)
+    return Cloud(transform_points(T, cloud.points), cloud.normals @ T[:3, :3].T, cloud.color)
 
 
 def motion(rotvec_deg: list[float], t: list[float]) -> np.ndarray:
@@ -94,7 +94,7 @@ def test_only_print_fixes_the_turn_of_a_symmetric_shape(
 def test_a_change_of_exposure_changes_nothing() -> None:
     target = RegistrationTarget.build(spheroid(6000, 0, printed=True))
     source = moved(spheroid(600, 1, printed=True), motion([0, -5.0, 0], [0, 0, 0]))
-    brighter = Cloud(source.points, source.normals, source.intensity + 40.0)
+    brighter = Cloud(source.points, source.normals, source.color + 40.0)
     prior = independent(np.deg2rad(4.0), 0.02)
     fit = fit_of(brighter, target, prior)
     assert fit is not None
@@ -112,7 +112,11 @@ def test_gradient_of_a_linear_print_on_a_plane() -> None:
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-0.1, 0.1, (2000, 2)), np.zeros(2000)])
     slope = np.array([300.0, -700.0, 0.0])
-    cloud = Cloud(points, np.tile([0.0, 0.0, 1.0], (2000, 1)), 100.0 + points @ slope)
+    cloud = Cloud(
+        points,
+        np.tile([0.0, 0.0, 1.0], (2000, 1)),
+        np.repeat(100.0 + (points @ slope)[:, None], 3, axis=1),
+    )
     inner = np.abs(points).max(axis=-1) < 0.08
     gradients = intensity_gradients(cloud)[inner]
     # The 2 % of regularisation shrink it a little.

@@ -16,6 +16,7 @@ from robust6dof.tracking.tracker import Tracker
 SCENE = make_tabletop("mug", 0)
 SHOT = SCENE.shoot(look_at_object(0.7, 0.7, 0.8), np.random.default_rng(0))
 SCALE = SCENE.model.scale
+UNKNOWN = np.full(3, np.nan)
 FAR = make_transform(Rotation.from_rotvec([0.3, 0.1, -0.2]).as_matrix(), np.array([0.3, 0, 0.2]))
 
 
@@ -27,21 +28,29 @@ def nearest(guesses: list[np.ndarray]) -> np.ndarray:
 def test_a_guess_stands_upright_on_the_object() -> None:
     """From a last pose that is 25 cm and a good 20 degrees off."""
     T_last = FAR @ SHOT.T_cam_obj
-    guess = nearest(poses_to_try(SHOT.frame, T_last, SCALE, True, RecoveryConfig()))
+    guess = nearest(poses_to_try(SHOT.frame, T_last, SCALE, UNKNOWN, True, RecoveryConfig()))
     assert np.linalg.norm(guess[:3, 3] - SHOT.T_cam_obj[:3, 3]) < 0.04
     assert axis_error(guess[:3, :3], SHOT.T_cam_obj[:3, :3]) < np.deg2rad(3.0)
 
 
 def test_objects_with_a_front_are_tried_from_four_sides() -> None:
-    once = poses_to_try(SHOT.frame, SHOT.T_cam_obj, SCALE, True, RecoveryConfig())
-    turned = poses_to_try(SHOT.frame, SHOT.T_cam_obj, SCALE, False, RecoveryConfig())
+    once = poses_to_try(SHOT.frame, SHOT.T_cam_obj, SCALE, UNKNOWN, True, RecoveryConfig())
+    turned = poses_to_try(SHOT.frame, SHOT.T_cam_obj, SCALE, UNKNOWN, False, RecoveryConfig())
     assert len(turned) == 4 * len(once)
     R = once[0][:3, :3].T @ turned[len(once)][:3, :3]
     np.testing.assert_allclose(R, np.diag([-1.0, 1.0, -1.0]), atol=1e-6)
 
 
+def test_the_piece_of_the_right_colour_is_tried_first() -> None:
+    color = SHOT.frame.rgb[SHOT.mask].mean(axis=0)
+    guess = poses_to_try(SHOT.frame, SHOT.T_cam_obj, SCALE, color, True, RecoveryConfig())[0]
+    assert np.linalg.norm(guess[:3, 3] - SHOT.T_cam_obj[:3, 3]) < 0.05
+
+
 def test_things_of_another_size_are_left_out() -> None:
-    assert poses_to_try(SHOT.frame, SHOT.T_cam_obj, 20 * SCALE, True, RecoveryConfig()) == []
+    assert (
+        poses_to_try(SHOT.frame, SHOT.T_cam_obj, 20 * SCALE, UNKNOWN, True, RecoveryConfig()) == []
+    )
 
 
 @pytest.mark.parametrize(

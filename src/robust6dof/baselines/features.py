@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -264,7 +265,5 @@ def _assess(
     frame: RgbdFrame, T_cam_obj: np.ndarray, views: Sequence[StoredView], spacing: float
 ) -> FitQuality:
     """How far the frame's depth agrees with the stored views at this pose."""
-    clouds = [view.surface.cloud for view in views]
-    points = np.concatenate([cloud.points for cloud in clouds])
-    normals = np.concatenate([cloud.normals for cloud in clouds])
-    return assess(frame, T_cam_obj, points, normals, spacing=spacing)[0]
+    cloud = reduce(Cloud.joined, [view.surface.cloud for view in views])
+    return assess(frame, T_cam_obj, cloud, spacing=spacing)[0]

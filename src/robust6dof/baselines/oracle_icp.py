@@ -44,7 +44,7 @@ class OracleIcpTracker(IcpTracker):
         super().__init__(category, config, seed=seed)
         points, normals = sample_surface(mesh, _SAMPLES, np.random.default_rng(seed))
         # Its colours are not compared: the mesh's own light is not the scene's.
-        self._cloud = Cloud(points, normals, np.full(_SAMPLES, np.nan))
+        self._cloud = Cloud(points, normals, np.full((_SAMPLES, 3), np.nan))
         self._extents = np.ptp(mesh.vertices, axis=0)
 
     def start(

@@ -91,6 +91,8 @@ class CanonicalFrame:
     doubt: Doubt
     sides: tuple[Opinion, ...] = ()
     config: CanonicalFrameConfig = field(default_factory=CanonicalFrameConfig)
+    rotation_doubt: float = 0.0
+    """Standard deviation of the estimate's rotation [rad], the opinions' quarrel counted in."""
 
     @classmethod
     def at_start(
@@ -98,7 +100,8 @@ class CanonicalFrame:
     ) -> CanonicalFrame:
         """The model frame is the given object frame, until the views say otherwise."""
         start = Opinion(np.eye(4), scale, np.zeros(3), 0.0)
-        return cls(np.eye(4), scale, start, doubt, (), config or CanonicalFrameConfig())
+        config = config or CanonicalFrameConfig()
+        return cls(np.eye(4), scale, start, doubt, (), config, doubt.rotation)
 
     def with_look(
         self,
@@ -166,7 +169,13 @@ class CanonicalFrame:
             centre = T[:3, 3] + self._mean(centres - T[:3, 3], p_centre)
             T = make_transform((R * Rotation.from_rotvec(step)).as_matrix(), centre)
             log_scale += float(self._mean((log_scales - log_scale)[:, None], p_scale)[0])
-        return replace(self, T_model_obj=T, scale=float(np.exp(log_scale)))
+        away = (Rotation.from_matrix(T[:3, :3]).inv() * turns).as_rotvec()
+        return replace(
+            self,
+            T_model_obj=T,
+            scale=float(np.exp(log_scale)),
+            rotation_doubt=self._deviation(away, p_turn),
+        )
 
     def _precision(self, opinion: Opinion, seconds: float) -> tuple[float, float, float]:
         """Inverse variances of rotation, centre and log-scale."""
@@ -187,10 +196,24 @@ class CanonicalFrame:
     def _mean(
         self, away: Float[np.ndarray, "O D"], precision: Float[np.ndarray, "O"]
     ) -> Float[np.ndarray, "D"]:
+        weight = self._weight(away, precision)
+        return weight @ away / weight.sum()
+
+    def _deviation(
+        self, away: Float[np.ndarray, "O D"], precision: Float[np.ndarray, "O"]
+    ) -> float:
+        """Standard deviation of the mean: what the opinions claim, or more where they quarrel."""
+        weight = self._weight(away, precision)
+        claimed = 1.0 / weight.sum()
+        quarrel = float(weight @ (away**2).sum(-1)) / weight.sum() / len(weight)
+        return float(np.sqrt(claimed + quarrel))
+
+    def _weight(
+        self, away: Float[np.ndarray, "O D"], precision: Float[np.ndarray, "O"]
+    ) -> Float[np.ndarray, "O"]:
         squared = (away**2).sum(-1) * precision / self.config.robust**2
         squared[0] = 0.0  # the start's doubt says all there is to say of it
-        weight = precision / (1.0 + squared) ** 2
-        return weight @ away / weight.sum()
+        return precision / (1.0 + squared) ** 2
 
 
 def _merged(old: Opinion, new: Opinion, looks: int) -> Opinion:

@@ -28,6 +28,11 @@ class RecoveryConfig:
     """Looks of the network from each guess."""
     size_ratio: tuple[float, float] = (0.35, 1.5)
     """Diagonal of a piece, which shows one side alone, over that of the object's box."""
+    trust: float = 0.75
+    """Confidence of the registration from which a thing may be the lost object."""
+    same_color: float = 0.15
+    """A piece whose mean colour differs by this share of the range is as unlikely as one whose
+    diagonal differs by the factor e."""
     same_size: float = 0.25
     """A thing whose scale seems to differ by more (logarithm) is another one."""
     segmenter: Segmenter = field(default_factory=DepthClusters)
@@ -37,10 +42,11 @@ def poses_to_try(
     frame: RgbdFrame,
     T_cam_last: Float[np.ndarray, "4 4"],
     scale: float,
+    color: Float[np.ndarray, "3"],
     symmetric: bool,
     config: RecoveryConfig,
 ) -> list[Float[np.ndarray, "4 4"]]:
-    """Guesses of `T_cam_obj`, the pieces nearest in size first.
+    """Guesses of `T_cam_obj`, the pieces nearest in size and colour first.
 
     On each piece: the last orientation, its up axis turned to the normal of the plane that the
     piece stands on; and for objects with a front the quarter turns from there.
@@ -49,6 +55,7 @@ def poses_to_try(
         frame: the image.
         T_cam_last: where the object was last believed to be.
         scale: diagonal of its box [m].
+        color: its mean red, green, blue, 0 to 255; NaN where not known.
         symmetric: a turn about its y axis cannot be seen.
         config: sizes.
     """
@@ -58,7 +65,9 @@ def poses_to_try(
         low, high = np.percentile(points, [3, 97], axis=0)
         ratio = float(np.linalg.norm(high - low)) / scale
         if config.size_ratio[0] < ratio < config.size_ratio[1]:
-            sized.append((abs(np.log(ratio / 0.8)), segment, (low + high) / 2))
+            unlike = float(np.abs(frame.rgb[segment.mask].mean(axis=0) - color).mean()) / 255.0
+            odds = abs(np.log(ratio / 0.8)) + np.nan_to_num(unlike) / config.same_color
+            sized.append((odds, segment, (low + high) / 2))
     turns = [0] if symmetric else [0, 180, 90, 270]
     ranked = sorted(sized, key=lambda one: one[0])
     return [

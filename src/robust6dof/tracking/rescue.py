@@ -38,13 +38,34 @@ class Rescue:
     def try_again(
         self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
     ) -> Look:
-        """The look that fits best, among `look` and those that the network confirms."""
-        proposals = self._proposals(frame, look, memory, state)
-        tried = [self._registered_from(T, frame, memory) for T in proposals]
-        placed = [one for one in tried if one.confidence >= self._config.surface_trust]
+        """The look that fits best, among `look` and those that the network confirms.
+
+        Once the object is lost only what registration and network both confirm counts; without
+        any such the sight is None.
+        """
+        lost = state is TrackState.LOST
+        trust = self._config.recovery.trust if lost else self._config.surface_trust
+        tried = [
+            self._registered_from(T, frame, memory)
+            for T in self._proposals(frame, look, memory, state)
+        ]
+        placed = [one for one in tried if one.confidence >= trust]
         looks = [Look.take(self._encoder, frame, one, memory) for one in placed]
+        if look.surface.confidence >= trust:
+            looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
-        return max([look, *believed], key=lambda one: one.surface.confidence)
+        if not lost:
+            believed.append(look)
+        if believed:
+            return max(believed, key=lambda one: one.surface.confidence)
+        return Look(self._held(look.surface, memory), None)
+
+    def _held(self, surface: Track, memory: TrackerMemory) -> Track:
+        """Where the object was, unless the registration itself holds or carries it."""
+        if surface.confidence < self._config.surface.states.lost:
+            return surface
+        rested = replace(surface.memory, motion=Motion.at_rest())
+        return replace(surface, T_cam_obj=memory.surface.T_cam_obj, memory=rested)
 
     def _proposals(
         self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
@@ -57,7 +78,10 @@ class Rescue:
             proposals.append(self._matched(frame, T_cam_pred, look.sight.features, memory))
         if state is TrackState.LOST:
             scale, recovery = memory.canonical.scale, self._config.recovery
-            guesses = poses_to_try(frame, T_cam_pred, scale, self._encoder.symmetric, recovery)
+            color = memory.surface.memory.surface.mean_color
+            guesses = poses_to_try(
+                frame, T_cam_pred, scale, color, self._encoder.symmetric, recovery
+            )
             proposals += confirmed_poses(
                 self._encoder, frame, guesses, memory.extents, memory.frames, recovery
             )

@@ -140,7 +140,8 @@ class Tracker:
     ) -> Track:
         """The registration's track after the network's look at the frame."""
         look = Look.take(self._encoder, frame, surface, memory)
-        if surface.confidence < self.config.surface_trust:
+        lost = track.state is TrackState.LOST
+        if lost or surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, track.state)
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:

@@ -1,4 +1,4 @@
-"""Oriented points with brightness: one frame's, or the model's."""
+"""Oriented points with colours: one frame's, or the model's."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from robust6dof.geometry.transforms import transform_points
 _NEIGHBOURS = 10
 _KEY_BITS = 18
 _KEY_HALF = 1 << (_KEY_BITS - 1)
+_LUMA = np.array([0.299, 0.587, 0.114])
+"""Grey from red, green, blue (ITU-R BT.601)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,29 +25,34 @@ class Cloud:
     """[m]"""
     normals: Float[np.ndarray, "P 3"]
     """Unit, outwards."""
-    intensity: Float[np.ndarray, "P"]
-    """Grey level, 0 to 255; NaN where there is no colour."""
+    color: Float[np.ndarray, "P 3"]
+    """Red, green, blue, 0 to 255; NaN where there is no colour."""
+
+    @property
+    def intensity(self) -> Float[np.ndarray, "P"]:
+        """Grey level, 0 to 255; NaN where there is no colour."""
+        return self.color @ _LUMA
 
     def __len__(self) -> int:
         return len(self.points)
 
     @classmethod
     def empty(cls) -> Cloud:
-        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+        return cls(*np.zeros((3, 0, 3)))
 
     def __getitem__(self, index: np.ndarray | slice) -> Cloud:
-        return Cloud(self.points[index], self.normals[index], self.intensity[index])
+        return Cloud(self.points[index], self.normals[index], self.color[index])
 
     def moved(self, T_dst_src: Float[np.ndarray, "4 4"]) -> Cloud:
         """In another frame."""
         points = transform_points(T_dst_src, self.points)
-        return Cloud(points, self.normals @ T_dst_src[:3, :3].T, self.intensity)
+        return Cloud(points, self.normals @ T_dst_src[:3, :3].T, self.color)
 
     def joined(self, other: Cloud) -> Cloud:
         return Cloud(
             np.concatenate([self.points, other.points]),
             np.concatenate([self.normals, other.normals]),
-            np.concatenate([self.intensity, other.intensity]),
+            np.concatenate([self.color, other.color]),
         )
 
 
@@ -65,7 +72,7 @@ def sums(group: Int[np.ndarray, "P"], values: np.ndarray, count: int) -> np.ndar
 
 def surface_cloud(
     points: Float[np.ndarray, "P 3"],
-    intensity: Float[np.ndarray, "P"],
+    color: Float[np.ndarray, "P 3"],
     *,
     voxel: float,
     viewpoint: Float[np.ndarray, "3"],
@@ -78,7 +85,7 @@ def surface_cloud(
     """
     _, voxel_of = np.unique(voxel_cells(points, voxel), return_inverse=True)
     counts = np.bincount(voxel_of)
-    means = sums(voxel_of, np.column_stack([points, intensity]), len(counts)) / counts[:, None]
+    means = sums(voxel_of, np.column_stack([points, color]), len(counts)) / counts[:, None]
     if len(means) < _NEIGHBOURS:
         return Cloud.empty()
     cloud = small_gicp.PointCloud(means[:, :3])
@@ -89,4 +96,4 @@ def surface_cloud(
     normals = np.where(cosine[:, None] < 0, -normals, normals)
     keep = np.nonzero(np.abs(cosine) > grazing_cosine)[0]
     keep = keep[:: max(1, int(np.ceil(len(keep) / max_points)))]
-    return Cloud(means[keep, :3], normals[keep], means[keep, 3])
+    return Cloud(means[keep, :3], normals[keep], means[keep, 3:])

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import transform_points
 from robust6dof.tracking.region import NEAREST_M, depth_noise
+from robust6dof.tracking.surface.cloud import Cloud
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class FitQuality:
     """Share of the facing model points that fall inside the image."""
     residual: float
     """Median |depth difference| of the supported points over the largest allowed, 0 to 1."""
+    color_gap: float = 0.0
+    """Median difference in colour of the supported points, 0 to 1; 0 where the model has none."""
 
     @property
     def agreement(self) -> float:
@@ -38,11 +41,13 @@ class FitQuality:
 
     @property
     def confidence(self) -> float:
-        """0 to 1: agreement, faded out where little of the object is seen or the fit is loose."""
+        """0 to 1: agreement, faded out where little of the object is seen, where the fit is loose
+        or the colours are others."""
         seen = min(1.0, self.supported * self.in_image / 0.35)
         enough = min(1.0, self.supported * self.visible_points / 40.0)
         tight = 1.0 - max(0.0, self.residual - 0.4)
-        return float(np.clip(self.agreement**2 * seen * enough * tight, 0.0, 1.0))
+        alike = 1.0 - float(np.clip((self.color_gap - 0.06) / 0.1, 0.0, 1.0))
+        return float(np.clip(self.agreement**2 * seen * enough * tight * alike, 0.0, 1.0))
 
 
 NOTHING_SEEN = FitQuality(0.0, 0.0, 0.0, 0, 0.0, 0.0)
@@ -51,24 +56,23 @@ NOTHING_SEEN = FitQuality(0.0, 0.0, 0.0, 0, 0.0, 0.0)
 def assess(
     frame: RgbdFrame,
     T_cam_obj: Float[np.ndarray, "4 4"],
-    points: Float[np.ndarray, "M 3"],
-    normals: Float[np.ndarray, "M 3"],
+    cloud: Cloud,
     *,
     spacing: float,
 ) -> tuple[FitQuality, Bool[np.ndarray, "M"]]:
-    """Compare the model at `T_cam_obj` with the depth image.
+    """Compare the model at `T_cam_obj` with the image, in depth and colour.
 
     Args:
-        points, normals: the model's surface in the object frame [m].
+        cloud: the model's surface in the object frame [m], M points.
         spacing: distance between neighbouring model points [m]: it sets what counts as agreement
             (besides the sensor's noise), along and across the line of sight.
 
     Returns:
         the shares, and which points the image sees through.
     """
-    refuted = np.zeros(len(points), dtype=bool)
-    points_cam = transform_points(T_cam_obj, points)
-    normals_cam = normals @ T_cam_obj[:3, :3].T
+    refuted = np.zeros(len(cloud), dtype=bool)
+    points_cam = transform_points(T_cam_obj, cloud.points)
+    normals_cam = cloud.normals @ T_cam_obj[:3, :3].T
     distance = np.linalg.norm(points_cam, axis=-1)
     cosine = -np.sum(normals_cam * points_cam, axis=-1) / np.maximum(distance, 1e-9)
     facing = np.nonzero((cosine > 0.3) & (points_cam[:, 2] > NEAREST_M))[0]
@@ -83,11 +87,24 @@ def assess(
     difference = _nearest_difference(frame, z[seen], pixels[seen], spacing)
     limit = 1.5 * spacing + 2.0 * depth_noise(z[seen])
     refuted[facing[seen]] = difference >= limit
-    return _shares(difference, limit, float(inside.mean())), refuted
+    gap = _color_gap(frame, cloud.color[facing[seen]], pixels[seen])
+    return _shares(difference, limit, gap, float(inside.mean())), refuted
 
 
-def _shares(difference: np.ndarray, limit: np.ndarray, in_image: float) -> FitQuality:
+def _color_gap(
+    frame: RgbdFrame, color: Float[np.ndarray, "P 3"], pixels: Int[np.ndarray, "P 2"]
+) -> Float[np.ndarray, "P"]:
+    """Mean |difference| of the channels, 0 to 1; NaN where the model has no colour. A black image
+    is dark, not unknown."""
+    x, y = pixels.T
+    return np.abs(frame.rgb[y, x] - color).mean(axis=-1) / 255.0
+
+
+def _shares(
+    difference: np.ndarray, limit: np.ndarray, gap: np.ndarray, in_image: float
+) -> FitQuality:
     supported = np.abs(difference) < limit
+    gaps = gap[supported & ~np.isnan(gap)]
     relative = np.abs(difference[supported]) / limit[supported]
     return FitQuality(
         supported=float(supported.mean()),
@@ -96,6 +113,7 @@ def _shares(difference: np.ndarray, limit: np.ndarray, in_image: float) -> FitQu
         visible_points=len(difference),
         in_image=in_image,
         residual=float(np.median(relative)) if len(relative) else 1.0,
+        color_gap=float(np.median(gaps)) if len(gaps) else 0.0,
     )
 
 

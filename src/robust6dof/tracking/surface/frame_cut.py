@@ -55,21 +55,20 @@ def cut_frame(
         inside &= mask[region.pixels[:, 1], region.pixels[:, 0]]
     return surface_cloud(
         points[inside],
-        grey_levels(frame, region.pixels[inside], T_cam_obj[2, 3], voxel),
+        colors_at(frame, region.pixels[inside], T_cam_obj[2, 3], voxel),
         voxel=voxel,
         viewpoint=T_obj_cam[:3, 3],
         max_points=config.max_points,
     )
 
 
-def grey_levels(
+def colors_at(
     frame: RgbdFrame, pixels: Int[np.ndarray, "P 2"], distance: float, detail_m: float
-) -> Float[np.ndarray, "P"]:
-    """Brightness at pixels (x, y), blurred to a detail at a distance [m]; NaN without colour."""
+) -> Float[np.ndarray, "P 3"]:
+    """Colours at pixels (x, y), blurred to a detail at a distance [m]; NaN without colour."""
     if not (frame.has_color and len(pixels)):
-        return np.full(len(pixels), np.nan)
+        return np.full((len(pixels), 3), np.nan)
     (x0, y0), (x1, y1) = pixels.min(axis=0), pixels.max(axis=0) + 1
-    grey = cv2.cvtColor(frame.rgb[y0:y1, x0:x1], cv2.COLOR_RGB2GRAY)
     side = int(np.clip(detail_m * frame.K[0, 0] / distance, 1, 25))
-    blurred = cv2.blur(grey, (side, side))
+    blurred = cv2.blur(frame.rgb[y0:y1, x0:x1], (side, side))
     return blurred[pixels[:, 1] - y0, pixels[:, 0] - x0].astype(np.float64)

@@ -87,6 +87,7 @@ class IcpTracker:
     def _begun(self, frame: RgbdFrame, initial: InitialPose) -> Track:
         memory = self._first_memory(frame, initial)
         quality, _ = assess_surface(frame, initial.T_cam_obj, memory.surface)
+        memory = replace(memory, quality=quality)
         return Track(
             T_cam_obj=initial.T_cam_obj,
             extents=initial.extents,
@@ -114,9 +115,11 @@ class IcpTracker:
             again = self._fit(frame, track.T_cam_obj, prior, track, carefully=True)
             fit = max(fit, again, key=lambda one: one.quality.confidence)
         count = memory.count.after(fit.quality.confidence, self.config.states)
-        memory = replace(memory, frames=memory.frames + 1, count=count)
+        memory = replace(memory, frames=memory.frames + 1, count=count, quality=fit.quality)
         state = _state_after(track.state, fit.quality, count, self.config.states)
-        if fit.quality.confidence < self.config.states.lost:
+        lost, confidence = state is TrackState.LOST, fit.quality.confidence
+        memory = memory.on_probation(lost, confidence, self.config)
+        if confidence < self.config.states.lost:
             T_held = self._carried(frame, T_predicted, prior, track)
             memory = replace(memory, motion=Motion.at_rest())
             return _updated(track, frame, _Fit(T_held, fit.quality), state, memory)
@@ -263,7 +266,7 @@ class IcpTracker:
         """Take the view into the models where it is new and the fit is good."""
         memory: IcpMemory = track.memory
         trusted = track.confidence >= self.config.growth_confidence
-        if not trusted or track.state is not TrackState.TRACKING:
+        if not trusted or track.state is not TrackState.TRACKING or memory.probation:
             return track
         T_cam_obj, extents = track.T_cam_obj, track.extents
         if memory.surroundings is None and memory.free_frames >= self.config.retry_frames:

@@ -52,4 +52,7 @@ class IcpConfig:
     """The first frames are all averaged into the model."""
     growth_confidence: float = 0.7
     """The model takes in nothing below this confidence."""
+    probation_frames: int = 15
+    """Found again after a loss, the object is learned from only after as many frames at or above
+    that confidence: it may be another one."""
     states: StateRules = field(default_factory=StateRules)

@@ -14,7 +14,7 @@ from robust6dof.tracking.region import depth_noise
 from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.support_plane import Plane
 from robust6dof.tracking.surface.cloud import Cloud
-from robust6dof.tracking.surface.fit_quality import FitQuality, assess
+from robust6dof.tracking.surface.fit_quality import NOTHING_SEEN, FitQuality, assess
 from robust6dof.tracking.surface.icp_config import IcpConfig
 from robust6dof.tracking.surface.registration_target import RegistrationTarget
 from robust6dof.tracking.surface.surface_model import SurfaceModel
@@ -41,6 +41,10 @@ class IcpMemory:
     """Frames since the surroundings were forgotten."""
     surface_known: bool = False
     """The surface is the object's CAD mesh: views add nothing to it."""
+    quality: FitQuality = NOTHING_SEEN
+    """Of the last frame's fit."""
+    probation: int = 0
+    """Good frames to go until views are taken in again."""
     frames: int = 1
     count: StateCount = field(default_factory=StateCount)
 
@@ -51,6 +55,13 @@ class IcpMemory:
             return replace(self, surroundings=None, own_motion=0, free_frames=0)
         free = self.free_frames + 1 if self.surroundings is None else 0
         return replace(self, own_motion=count, free_frames=free)
+
+    def on_probation(self, lost: bool, confidence: float, config: IcpConfig) -> IcpMemory:
+        """After one more frame: a loss begins the probation, good frames end it."""
+        if lost:
+            return replace(self, probation=config.probation_frames)
+        passed = int(confidence >= config.growth_confidence)
+        return replace(self, probation=max(self.probation - passed, 0))
 
     def wants(self, T_cam_obj: np.ndarray, config: IcpConfig) -> bool:
         """Whether a view from here would tell the model something new."""
@@ -83,10 +94,7 @@ def assess_surface(
 ) -> tuple[FitQuality, Bool[np.ndarray, "P"]]:
     """`assess` for about a thousand of the model's points, or for each `every`-th."""
     step = every or max(1, len(surface) // 1000)
-    cloud = surface.cloud
-    return assess(
-        frame, T_cam_obj, cloud.points[::step], cloud.normals[::step], spacing=surface.voxel
-    )
+    return assess(frame, T_cam_obj, surface.cloud[::step], spacing=surface.voxel)
 
 
 def view_weight(T_cam_obj: Float[np.ndarray, "4 4"]) -> float:

@@ -148,7 +148,7 @@ def _pair(source: Cloud, target: RegistrationTarget, T: np.ndarray, cutoff: floa
     inliers = squared < cutoff**2
     inliers &= np.einsum("pc,pc->p", normals, target.cloud.normals[index]) > _NORMAL_AGREEMENT
     chosen = index[inliers]
-    moved = Cloud(points[inliers], normals[inliers], source.intensity[inliers])
+    moved = Cloud(points[inliers], normals[inliers], source.color[inliers])
     return _Pairs(moved, target.cloud[chosen], target.gradients[chosen])
 
 
@@ -175,14 +175,15 @@ def _geometric_terms(
 
 def _color_terms(pairs: _Pairs) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6"]]:
     """Normal equations of the brightness differences; a common offset (exposure) is taken out."""
-    known = ~np.isnan(pairs.source.intensity) & ~np.isnan(pairs.target.intensity)
+    source, target = pairs.source.intensity, pairs.target.intensity
+    known = ~np.isnan(source) & ~np.isnan(target)
     if known.sum() < _LEAST_PAIRS:
         return np.zeros((6, 6)), np.zeros(6)
     points, gradients = pairs.source.points[known], pairs.gradients[known]
-    predicted = pairs.target.intensity[known] + np.einsum(
+    predicted = target[known] + np.einsum(
         "pc,pc->p", gradients, points - pairs.target.points[known]
     )
-    differences = predicted - pairs.source.intensity[known]
+    differences = predicted - source[known]
     differences -= _median(differences)
     J = np.concatenate([_cross(points, gradients), gradients], axis=-1)
     spread = max(1.48 * _median(np.abs(differences)), _LEAST_INTENSITY_ERROR)

@@ -33,12 +33,13 @@ def intensity_gradients(cloud: Cloud) -> Float[np.ndarray, "P 3"]:
     The linear model of coloured ICP (Park, Zhou, Koltun 2017) over the nearest neighbours on the
     same side of the surface; zero where too few of them have colour.
     """
-    if len(cloud) < _NEIGHBOURS or np.isnan(cloud.intensity).all():
+    intensity = cloud.intensity
+    if len(cloud) < _NEIGHBOURS or np.isnan(intensity).all():
         return np.zeros((len(cloud), 3))
     tree = small_gicp.KdTree(cloud.points)
     index = np.asarray(tree.batch_knn_search(cloud.points, _NEIGHBOURS)[0]).astype(np.int64)
     arms = cloud.points[index] - cloud.points[:, None]
-    steps = cloud.intensity[index] - cloud.intensity[:, None]
+    steps = intensity[index] - intensity[:, None]
     same_side = np.einsum("pkc,pc->pk", cloud.normals[index], cloud.normals) > 0.5
     usable = same_side & ~np.isnan(steps)
     arms = np.where(usable[..., None], arms, 0.0)

@@ -29,6 +29,12 @@ class SurfaceModel:
     def __len__(self) -> int:
         return len(self.weights)
 
+    @property
+    def mean_color(self) -> Float[np.ndarray, "3"]:
+        """Red, green, blue, 0 to 255; NaN where no point has a colour."""
+        known = ~np.isnan(self.cloud.color).any(axis=-1)
+        return self.cloud.color[known].mean(axis=0) if known.any() else np.full(3, np.nan)
+
     @classmethod
     def empty(cls, voxel: float, max_points: int = 5000) -> SurfaceModel:
         return cls(Cloud.empty(), np.zeros(0), voxel, max_points)
@@ -44,7 +50,7 @@ class SurfaceModel:
         points = sums(group, both.points * weights[:, None], len(totals)) / totals[:, None]
         normals = sums(group, both.normals * weights[:, None], len(totals))
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-        cloud = Cloud(points, normals, _known_mean(group, both.intensity, weights, len(totals)))
+        cloud = Cloud(points, normals, _known_means(group, both.color, weights, len(totals)))
         keep = np.sort(np.argsort(-totals, kind="stable")[: self.max_points])
         return SurfaceModel(cloud[keep], totals[keep], self.voxel, self.max_points)
 
@@ -60,11 +66,11 @@ class SurfaceModel:
         return voxel_cells(cloud.points, self.voxel) * 6 + 2 * axis + outwards
 
 
-def _known_mean(
+def _known_means(
     group: np.ndarray, values: np.ndarray, weights: np.ndarray, count: int
-) -> Float[np.ndarray, "V"]:
-    """Weighted mean of each group's values that are not NaN; NaN where there are none."""
-    known = ~np.isnan(values)
-    totals = np.bincount(group, weights=weights * known, minlength=count)
-    sum_ = np.bincount(group, weights=weights * np.where(known, values, 0.0), minlength=count)
+) -> Float[np.ndarray, "V C"]:
+    """Weighted mean of each group's rows that are not NaN; NaN where there are none."""
+    known = ~np.isnan(values).any(axis=-1)
+    totals = np.bincount(group, weights=weights * known, minlength=count)[:, None]
+    sum_ = sums(group, weights[:, None] * np.where(known[:, None], values, 0.0), count)
     return np.where(totals > 0, sum_ / np.maximum(totals, 1e-12), np.nan)

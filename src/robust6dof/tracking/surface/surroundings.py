@@ -15,7 +15,7 @@ from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.tracking.region import cut_region
 from robust6dof.tracking.surface.cloud import Cloud, surface_cloud
-from robust6dof.tracking.surface.frame_cut import grey_levels
+from robust6dof.tracking.surface.frame_cut import colors_at
 from robust6dof.tracking.surface.registration_target import RegistrationTarget
 from robust6dof.tracking.surface.surface_model import SurfaceModel
 
@@ -87,7 +87,7 @@ def _cut(
     chosen &= (np.abs(points) > 0.55 * extents + 0.005).any(axis=-1)
     return surface_cloud(
         points[chosen],
-        grey_levels(frame, region.pixels[chosen], T_cam_obj[2, 3], config.voxel_m),
+        colors_at(frame, region.pixels[chosen], T_cam_obj[2, 3], config.voxel_m),
         voxel=config.voxel_m,
         viewpoint=T_obj_cam[:3, 3],
         max_points=config.max_points,
