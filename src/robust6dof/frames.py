@@ -15,7 +15,32 @@ from robust6dof.geometry.camera import check_intrinsics
 CATEGORIES = ("bottle", "bowl", "camera", "can", "laptop", "mug")
 """The six categories of the paper, in the order of the NOCS class ids 1 to 6."""
 
-SYMMETRIC_CATEGORIES = frozenset({"bottle", "bowl", "can"})
+YCB_OBJECTS = (
+    "002_master_chef_can",
+    "003_cracker_box",
+    "004_sugar_box",
+    "005_tomato_soup_can",
+    "006_mustard_bottle",
+    "007_tuna_fish_can",
+    "008_pudding_box",
+    "009_gelatin_box",
+    "010_potted_meat_can",
+    "011_banana",
+    "019_pitcher_base",
+    "021_bleach_cleanser",
+    "024_bowl",
+    "025_mug",
+    "035_power_drill",
+    "036_wood_block",
+    "037_scissors",
+    "040_large_marker",
+    "051_large_clamp",
+    "052_extra_large_clamp",
+    "061_foam_brick",
+)
+"""The objects of YCB-Video, in the order of its class ids 1 to 21."""
+
+SYMMETRIC_CATEGORIES = frozenset({"bottle", "bowl", "can", "024_bowl"})
 """Rotation about the canonical y means nothing for these (a mug only while its handle hides)."""
 
 

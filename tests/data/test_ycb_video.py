@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.data import open_dataset
 from robust6dof.data.image_files import write_image
-from robust6dof.data.ycb_video import K_FIRST, K_SECOND, YCB_OBJECTS, open_ycb_video, read_keyframes
+from robust6dof.data.ycb_video import K_FIRST, K_SECOND, open_ycb_video, read_keyframes
 from robust6dof.errors import DataError
+from robust6dof.frames import YCB_OBJECTS
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import (
     invert_transform,

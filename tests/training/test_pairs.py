@@ -1,13 +1,17 @@
+import numpy as np
 import pytest
 import torch
 
 from robust6dof.errors import InputError
+from robust6dof.geometry.transforms import transform_points
 from robust6dof.network.config import preset
 from robust6dof.network.device import resolve_device
 from robust6dof.network.inputs import to_camera
+from robust6dof.shapes.procedural import make_object
+from robust6dof.synthetic.close_up import CloseUp
 from robust6dof.tracking.view import ViewConfig
 from robust6dof.training.pair_sets import make_pair_sets
-from robust6dof.training.pairs import SyntheticPairs
+from robust6dof.training.pairs import PairConfig, SyntheticPairs
 from robust6dof.training.repeated_pairs import RepeatedPairs
 
 POINTS = 64
@@ -63,3 +67,28 @@ def test_pairs_to_train_on_and_pairs_held_out_fit_the_network_and_share_no_shape
     for pair in (pairs[0], held_out[0]):
         assert pair.current.points.shape[1] == network.points
         assert pair.prior.shape[1] == network.prior_points
+
+
+def test_an_object_may_lie_on_any_side_and_is_told_the_same_truth():
+    """Canonical coordinates of the seen surface lie inside the object's own box, laid or not."""
+    config = PairConfig(lying_share=1.0)
+    pairs = SyntheticPairs(ViewConfig(points=POINTS, crop_px=24), 40, 4, 6, config, ["camera"])
+    for index in range(6):
+        pair = pairs[index]
+        T = pair.truth.T_cam_obj_cur[0].double()
+        inside = (_cloud(pair) - T[:3, 3]) @ T[:3, :3] / pair.truth.scale[0].double()
+        on_object = pair.truth.on_object_cur[0]
+        assert on_object.any()
+        # The sides of a camera are at most 0.95 of its diagonal; the depth is noisy.
+        assert inside[on_object].abs().max() < 0.55
+
+
+def test_the_table_is_under_a_lying_object():
+    target = make_object("bottle", 3)
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # the room's up is −x of the object
+    scenes = (CloseUp.draw(np.random.default_rng(seed), target, turn).scene for seed in range(20))
+    scene = next(scene for scene in scenes if len(scene.instances) > 1)
+    table = scene.instances[1]
+    corners = transform_points(table.T_world_mesh, table.mesh.vertices)
+    np.testing.assert_allclose(corners[:, 0], target.extents[0] / 2, atol=1e-9)
+    assert all(light.direction_world[0] > 0 for light in scene.lights)

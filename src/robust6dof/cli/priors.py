@@ -12,7 +12,8 @@ from robust6dof.cli.options import CommonOptions
 @dataclass(frozen=True, kw_only=True)
 class Options(CommonOptions):
     category: str
-    """One of the six built in, or the name of a folder in --meshes."""
+    """One of the six built in, a YCB object (006_mustard_bottle), or the name of a folder in
+    --meshes."""
     out: Path
     """Where the points go (.npy, 2048 × 3, canonical axes, box centred at 0, diagonal 1)."""
     meshes: Path | None = None
@@ -40,8 +41,11 @@ def run(options: Options) -> None:
 def _objects(options: Options) -> list:
     from robust6dof.shapes.loading import load_category
     from robust6dof.shapes.procedural import PRIOR_SEEDS, make_object
+    from robust6dof.shapes.ycb_objects import YCB_SIDES_M, make_ycb_stand_in
 
     if options.meshes is not None:
         return load_category(options.meshes, options.category, up=options.up, unit=options.unit)
+    if options.category in YCB_SIDES_M:
+        return [make_ycb_stand_in(options.category)]
     first = PRIOR_SEEDS + 10_000 * options.seed
     return [make_object(options.category, first + i) for i in range(options.count)]

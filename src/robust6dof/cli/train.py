@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from robust6dof.cli.options import CommonOptions
+
+if TYPE_CHECKING:
+    from robust6dof.shapes.mesh import ObjectModel
+    from robust6dof.training.pairs import PairConfig
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options(CommonOptions):
     preset: Literal["paper", "small", "tiny"] = "small"
     """Size of the network."""
-    data: Literal["aerial"] = "aerial"
-    """Where the pairs come from: the synthetic world."""
-    categories: tuple[str, ...] = ("bottle", "bowl", "camera", "can", "laptop", "mug")
-    """Of the objects; with --meshes any name of a folder there that has a prior."""
+    data: Literal["aerial", "ycb-video"] = "aerial"
+    """What is rendered: objects of categories, standing; or the 21 scans of YCB-Video, standing
+    and lying."""
+    categories: tuple[str, ...] = ()
+    """Of the objects (default: the six, or all 21); with --meshes any name of a folder there that
+    has a prior."""
     meshes: Path | None = None
-    """Folder with CATEGORY/MESH files: objects from there, not procedural shapes."""
+    """Folder with CATEGORY/MESH files: objects from there, not procedural shapes. For ycb-video the
+    folder of the scans, OBJECT/textured.obj."""
     recipe: Literal["paper", "short", "refine"] = "paper"
     """Optimiser and schedule; `short` is for a CPU, `refine` goes on from --init."""
     steps: int | None = None
@@ -57,7 +64,6 @@ def run(options: Options) -> None:
     from robust6dof.network.checkpoint import load_network
     from robust6dof.network.config import preset
     from robust6dof.network.device import resolve_device
-    from robust6dof.shapes.loading import load_category
     from robust6dof.training.loop import TrainConfig, train
     from robust6dof.training.pair_sets import make_pair_sets
     from robust6dof.training.recipe import recipe_named
@@ -76,11 +82,10 @@ def run(options: Options) -> None:
         prior_points=options.points or network.prior_points,
         keypoints=options.keypoints or network.keypoints,
     )
-    names, folder = options.categories, options.meshes
-    objects = {name: load_category(folder, name) for name in names} if folder else {}
+    names, objects, varied = _world(options)
     count = recipe.steps * recipe.batch
     pairs, held_out = make_pair_sets(
-        trained, options.seed, options.epoch, count, options.held_out, names, objects
+        trained, options.seed, options.epoch, count, options.held_out, names, objects, varied
     )
     end = time.monotonic() + 60 * options.minutes if options.minutes else float("inf")
     train(
@@ -93,3 +98,24 @@ def run(options: Options) -> None:
         stop=lambda: time.monotonic() > end,
     )
     print(f"weights: {options.out / 'network.safetensors'}")
+
+
+def _world(options: Options) -> tuple[tuple[str, ...], dict[str, list[ObjectModel]], PairConfig]:
+    """Names, the objects that are not procedural, and what pairs of them vary."""
+    from robust6dof.errors import InputError
+    from robust6dof.frames import CATEGORIES, YCB_OBJECTS
+    from robust6dof.shapes.loading import load_category
+    from robust6dof.shapes.ycb_objects import load_ycb_scan
+    from robust6dof.training.pairs import PairConfig
+
+    names, folder = options.categories, options.meshes
+    if options.data == "aerial":
+        names = names or CATEGORIES
+        objects = {name: load_category(folder, name) for name in names} if folder else {}
+        return names, objects, PairConfig()
+    names = names or YCB_OBJECTS
+    if unknown := [name for name in names if name not in YCB_OBJECTS]:
+        raise InputError(f"not of YCB-Video: {', '.join(unknown)}; it has {', '.join(YCB_OBJECTS)}")
+    if folder is None:
+        raise InputError("--data ycb-video needs the folder of YCB's google_16k scans as --meshes")
+    return names, {name: [load_ycb_scan(folder, name)] for name in names}, PairConfig.lying()

@@ -17,35 +17,10 @@ from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth, absen
 from robust6dof.data.depth_unit import depth_to_metres
 from robust6dof.data.image_files import read_color, read_depth, read_labels, read_numbers, read_text
 from robust6dof.errors import DataError, InputError
-from robust6dof.frames import RgbdFrame
+from robust6dof.frames import YCB_OBJECTS, RgbdFrame
 from robust6dof.geometry.transforms import check_transform, make_transform
 
 YcbVideoSplit = Literal["all", "train", "test"]
-
-YCB_OBJECTS = (
-    "002_master_chef_can",
-    "003_cracker_box",
-    "004_sugar_box",
-    "005_tomato_soup_can",
-    "006_mustard_bottle",
-    "007_tuna_fish_can",
-    "008_pudding_box",
-    "009_gelatin_box",
-    "010_potted_meat_can",
-    "011_banana",
-    "019_pitcher_base",
-    "021_bleach_cleanser",
-    "024_bowl",
-    "025_mug",
-    "035_power_drill",
-    "036_wood_block",
-    "037_scissors",
-    "040_large_marker",
-    "051_large_clamp",
-    "052_extra_large_clamp",
-    "061_foam_brick",
-)
-"""Classes 1 to 21 of the label images."""
 
 TEST_VIDEOS = range(48, 60)
 SECOND_CAMERA_FROM = 60

@@ -34,8 +34,37 @@ class CloseUp:
     scene: Scene
 
     @staticmethod
-    def draw(rng: np.random.Generator, target: ObjectModel) -> CloseUp:
-        """A table under the object (mostly), up to four neighbours, one to three lights."""
+    def draw(
+        rng: np.random.Generator,
+        target: ObjectModel,
+        R_obj_room: Float[np.ndarray, "3 3"] | None = None,
+    ) -> CloseUp:
+        """A table under the object (mostly), up to four neighbours, one to three lights.
+
+        Args:
+            rng: draws all of it.
+            target: the object.
+            R_obj_room: turns the room, whose y is up, to the object, so that it may lie on any
+                side of its box; it stands upright if not given.
+        """
+        if R_obj_room is None:
+            return CloseUp._drawn_upright(rng, target)
+        mesh = replace(target.mesh, vertices=target.mesh.vertices @ R_obj_room)
+        laid = CloseUp._drawn_upright(rng, replace(target, mesh=mesh))
+        T_obj_room = make_transform(R_obj_room, np.zeros(3))
+        room = [
+            replace(thing, T_world_mesh=T_obj_room @ thing.T_world_mesh)
+            for thing in laid.scene.instances[1:]
+        ]
+        lights = [
+            replace(light, direction_world=R_obj_room @ light.direction_world)
+            for light in laid.scene.lights
+        ]
+        itself = MeshInstance(target.mesh, np.eye(4), TARGET_ID)
+        return CloseUp(target, replace(laid.scene, instances=[itself, *room], lights=lights))
+
+    @staticmethod
+    def _drawn_upright(rng: np.random.Generator, target: ObjectModel) -> CloseUp:
         if rng.random() < 0.15:
             return CloseUp._bare(rng, target)
         return CloseUp.on_table(rng, target).with_neighbours(rng, int(rng.integers(0, 5)))

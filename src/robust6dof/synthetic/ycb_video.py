@@ -22,8 +22,9 @@ from scipy.spatial.transform import Rotation
 
 from robust6dof.data.sequence_writer import SequenceWriter
 from robust6dof.data.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
-from robust6dof.data.ycb_video import K_FIRST, TEST_VIDEOS, YCB_OBJECTS, read_keyframes
+from robust6dof.data.ycb_video import K_FIRST, TEST_VIDEOS, read_keyframes
 from robust6dof.errors import DataError, InputError
+from robust6dof.frames import YCB_OBJECTS
 from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
 from robust6dof.rendering.rasteriser import render, render_depth
 from robust6dof.rendering.scene import Camera, Light, MeshInstance, Rendering, Scene

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from robust6dof.frames import CATEGORIES
 from robust6dof.network.config import NetworkConfig
@@ -11,7 +12,7 @@ from robust6dof.tracking.view import ViewConfig
 from robust6dof.training.pairs import PairConfig, SyntheticPairs
 from robust6dof.training.repeated_pairs import RepeatedPairs
 
-_HELD_OUT = PairConfig(first_object=1_000_000)
+_FIRST_HELD_OUT = 1_000_000
 
 
 def make_pair_sets(
@@ -22,6 +23,7 @@ def make_pair_sets(
     held_out: int,
     categories: Sequence[str] = CATEGORIES,
     objects: Mapping[str, Sequence[ObjectModel]] | None = None,
+    config: PairConfig | None = None,
 ) -> tuple[RepeatedPairs, SyntheticPairs]:
     """Pairs to train on, and pairs held out.
 
@@ -33,11 +35,13 @@ def make_pair_sets(
         held_out: how many pairs of shapes never trained on; of `objects`, other views.
         categories: of the objects.
         objects: the user's own of some categories, seen instead of procedural ones.
+        config: what the pairs vary; the usual where not given.
     """
     rich = ViewConfig(points=2 * network.points, crop_px=network.crop_px)
-    pairs = SyntheticPairs(rich, 2 * network.prior_points, seed, epoch, None, categories, objects)
+    pairs = SyntheticPairs(rich, 2 * network.prior_points, seed, epoch, config, categories, objects)
     view = ViewConfig(points=network.points, crop_px=network.crop_px)
+    unseen = replace(config or PairConfig(), first_object=_FIRST_HELD_OUT)
     others = SyntheticPairs(
-        view, network.prior_points, seed + 1, held_out, _HELD_OUT, categories, objects
+        view, network.prior_points, seed + 1, held_out, unseen, categories, objects
     )
     return RepeatedPairs(pairs, epoch, network.points, network.prior_points, count), others

@@ -22,6 +22,11 @@ from robust6dof.synthetic.visibility import handle_visible, visible_surface
 from robust6dof.tracking.view import View, ViewConfig, make_view
 from robust6dof.training.targets import PairTruth
 
+SIDES = np.round(Rotation.create_group("O").as_matrix())
+"""R_obj_room of an object on each side of its box, a quarter turn after the other."""
+HANDLED = frozenset({"mug", "025_mug"})
+"""Symmetric while their handle hides."""
+
 
 @dataclass(frozen=True)
 class PairConfig:
@@ -50,10 +55,17 @@ class PairConfig:
     """Images are rendered with at most this side."""
     occluder_share: float = 0.3
     """Share of pairs with something in front of the object."""
+    lying_share: float = 0.0
+    """Share of pairs in which the object lies on any side of its box instead of standing."""
     first_object: int = 0
     """Seed of the first object of each category."""
     object_pool: int = 400
     """Distinct objects in each category, with consecutive seeds."""
+
+    @staticmethod
+    def lying() -> PairConfig:
+        """Of things that lie about in any way, as those of YCB-Video do."""
+        return PairConfig(lying_share=0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +137,12 @@ class SyntheticPairs(Dataset[PairBatch]):
     def _draw(self, rng: np.random.Generator, category: str) -> PairBatch | None:
         target = self._object(rng, category)
         T_prev = _draw_view(rng, self.config)
+        R_obj_room = None
+        if self.config.lying_share and rng.random() < self.config.lying_share:
+            R_obj_room = SIDES[int(rng.integers(len(SIDES)))]
+            T_prev = T_prev @ make_transform(R_obj_room.T, np.zeros(3))
         T_cur = _move(rng, T_prev, self.config)
-        close_up = CloseUp.draw(rng, target)
+        close_up = CloseUp.draw(rng, target, R_obj_room)
         if rng.random() < self.config.occluder_share:
             close_up = close_up.with_occluder(rng, T_prev)
         factor = float(rng.choice(self.config.error_factors))
@@ -179,7 +195,7 @@ class SyntheticPairs(Dataset[PairBatch]):
         chosen = rng.choice(len(prior), self.prior_points, replace=len(prior) < self.prior_points)
         handle_seen = previous.handle_visible or current.handle_visible
         symmetric = target.category in SYMMETRIC_CATEGORIES or (
-            target.category == "mug" and not handle_seen
+            target.category in HANDLED and not handle_seen
         )
         truth = PairTruth(
             T_cam_obj_prev=batch_of_one(previous.T_cam_obj),
