@@ -27,6 +27,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_sequence(folder / "video", [shot.frame for shot in shots])
     np.savetxt(folder / "start.txt", shots[0].T_cam_obj)
     cv2.imwrite(str(folder / "mask.png"), shots[0].mask.astype(np.uint8) * 255)
+    y, x = np.nonzero(shots[0].mask)
+    (folder / "click.txt").write_text(f"{np.median(x):.0f},{np.median(y):.0f}")
     return folder
 
 
@@ -59,9 +61,57 @@ def test_a_range_without_colour_or_video(recording: Path, tmp_path: Path) -> Non
     assert not (tmp_path / "overlay.mp4").exists()
 
 
+def test_starts_from_a_click_and_records_a_timeline(recording: Path, tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk", reason="extra rerun is not installed")
+    path = tmp_path / "track.rrd"
+    click = (recording / "click.txt").read_text()
+    options = ["--click", click, "--tracker", "static", "--record", str(path), "--no-video"]
+    assert track(recording, tmp_path, *options) == 0
+    poses = read_ob_in_cam(tmp_path / "ob_in_cam")
+    assert len(poses) == FRAMES
+    true = np.loadtxt(recording / "start.txt")
+    assert np.linalg.norm(poses["000000"][:3, 3] - true[:3, 3]) < 0.03
+    steps = [part for part in chunk.RrdReader(path).stream() if part.entity_path == "/confidence"]
+    assert sum(part.num_rows for part in steps) == FRAMES
+
+
+def test_shows_it_live_until_interrupted(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch
+) -> None:
+    """Every frame reaches the page, which stays until Ctrl-C and is taken down then."""
+    pytest.importorskip("viser", reason="extra viewer is not installed")
+    from urllib.request import urlopen
+
+    from viser import ViserServer
+
+    from robust6dof.visualization.live_view import LiveView
+
+    served = []
+
+    def visit_then_interrupt(server: ViserServer) -> None:
+        with urlopen(f"http://127.0.0.1:{server.get_port()}", timeout=10) as page:
+            served.append(page.status)
+        raise KeyboardInterrupt
+
+    shown, show = [], LiveView.show
+    monkeypatch.setattr(ViserServer, "sleep_forever", visit_then_interrupt)
+    monkeypatch.setattr(LiveView, "show", lambda page, view: (shown.append(view), show(page, view)))
+    start = str(recording / "start.txt")
+    options = ["--tracker", "static", "--start", start, "--view", "--view-port", "0"]
+    assert track(recording, tmp_path, *options, "--no-video") == 0
+    assert len(shown) == FRAMES
+    assert served == [200]
+    assert "open http://127.0.0.1:" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (["--click", "9,9,9"], "does not read --click x,y"),
+        (["--click", "1,1", "--box", "1,2,3,4"], "give only one of --box and --click"),
+        (["--segmenter", "mask-rcnn"], "needs --segmenter-weights FILE.onnx"),
+        (["--segmenter-weights", "w.onnx"], "goes with --segmenter mask-rcnn"),
+        (["--segmenter", "mask-rcnn", "--segmenter-weights", "no.onnx"], "weights are missing"),
         (["--tracker", "psychic"], "no tracker 'psychic'"),
         (["--box", "1,2,3"], "does not read --box x,y,width,height"),
         (["--box", "1,2,3,4", "--mask", "m.png"], "give only one of --mask and --box"),

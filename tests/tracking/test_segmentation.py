@@ -11,6 +11,7 @@ from robust6dof.frames import Box, RgbdFrame
 from robust6dof.tracking.segmentation import (
     DepthClusters,
     GivenMask,
+    LastPose,
     Segmenter,
     propagated_mask,
     segment_box,
@@ -64,6 +65,9 @@ def test_the_last_pose_carries_the_mask_over() -> None:
     plane = floor.in_object_frame(SHOT.T_cam_obj)
     mask = propagated_mask(SHOT.frame, SHOT.T_cam_obj, SCENE.model.extents, plane)
     assert overlap(mask, SHOT.mask) > 0.75
+    segmenter: Segmenter = LastPose(SHOT.T_cam_obj, SCENE.model.extents, plane)
+    np.testing.assert_array_equal(segmenter.segment(SHOT.frame)[0].mask, mask)
+    assert segmenter.segment(EMPTY) == []
 
 
 def test_hints_that_cannot_be_meant_are_refused() -> None:

@@ -5,9 +5,10 @@ Writes track.jsonl (one pose a line), ob_in_cam/ (one 4×4 text file a frame) an
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from robust6dof.data.video import Video
-    from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track
+    from robust6dof.frames import PoseTracker, RgbdFrame, Track
+    from robust6dof.visualization.live_view import LiveView
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +39,17 @@ class Options(CommonOptions):
     """Image of the object's pixels in the first frame (not zero: object)."""
     box: str | None = None
     """Image box around the object in the first frame: x,y,width,height in pixels."""
+    click: str | None = None
+    """Pixel on the object in the first frame: x,y; for objects that stand on something."""
     start: Path | None = None
     """Text file with the first frame's 4×4 T_cam_obj [m]."""
     extents: str | None = None
     """Side lengths of the object's box in metres: x,y,z; estimated when not given."""
+    segmenter: Literal["depth", "mask-rcnn"] = "depth"
+    """What finds the object from a click or from the category alone: depth (what stands on a
+    plane), or mask-rcnn (needs --segmenter-weights)."""
+    segmenter_weights: Path | None = None
+    """Weights of mask-rcnn: FILE.onnx (extra segmenter) or FILE.pt (extra segmenter-training)."""
     first: int = 0
     """Number of the first frame to use, counted from 0."""
     last: int | None = None
@@ -53,6 +62,12 @@ class Options(CommonOptions):
     """Frame rate of the recording [Hz], where it has no time stamps."""
     no_video: Annotated[bool, tyro.conf.FlagCreatePairsOff] = field(default=False)
     """Do not write overlay.mp4."""
+    record: Path | None = None
+    """Write a rerun timeline, FILE.rrd, too (extra rerun)."""
+    view: Annotated[bool, tyro.conf.FlagCreatePairsOff] = field(default=False)
+    """Show it live in a browser page on this machine (extra viewer); Ctrl-C ends it."""
+    view_port: int = 8080
+    """Port of that page; the next free one where it is taken."""
 
 
 def run(options: Options) -> None:
@@ -75,8 +90,23 @@ def run(options: Options) -> None:
     video = _frame_range(
         read_video(options.video, fps=options.fps, depth_only=options.depth_only), options
     )
-    tracks = _follow(tracker, video, options)
-    print(_summary(tracks, options.out))
+    with ExitStack() as stack:
+        live = _live_view(options, stack)
+        tracks = _follow(tracker, video, options, live)
+        print(_summary(tracks, options.out))
+        if live is not None:
+            print(f"the last frame stays on {live.url} until Ctrl-C")
+            live.wait()
+
+
+def _live_view(options: Options, stack: ExitStack) -> LiveView | None:
+    if not options.view:
+        return None
+    from robust6dof.visualization.live_view import LiveView
+
+    live = stack.enter_context(LiveView(options.view_port))
+    print(f"open {live.url} in a browser", flush=True)
+    return live
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,55 +115,73 @@ class _Step:
     ms: float
 
 
-def _follow(tracker: PoseTracker, video: Video, options: Options) -> list[_Step]:
+def _follow(
+    tracker: PoseTracker, video: Video, options: Options, live: LiveView | None
+) -> list[_Step]:
     """Every frame in turn; an interruption keeps what was done."""
     from time import perf_counter
 
     from tqdm import tqdm
 
+    from robust6dof.cli.start_hints import start_hints
+
     steps: list[_Step] = []
-    with _Output(options.out, video, write_video=not options.no_video) as output:
+    with _Output(options, video, tracker, live) as output:
         try:
             for frame in tqdm(video, desc="tracking", unit="frame", mininterval=0.5):
+                hints = {} if steps else start_hints(options, frame)
                 began = perf_counter()
                 if steps:
                     track = tracker.step(steps[-1].track, frame)
                 else:
-                    track = tracker.start(frame, **_hints(options, frame))
+                    track = tracker.start(frame, **hints)
+                before = steps[-1].track if steps else None
                 steps.append(_Step(track, 1e3 * (perf_counter() - began)))
-                output.write(frame, steps[-1])
+                output.write(frame, steps[-1], before)
         except KeyboardInterrupt:
             print(_summary(steps, options.out))
             raise
     return steps
 
 
-class _Output:
-    """track.jsonl, ob_in_cam/ and overlay.mp4 of one object."""
+class _Output(ExitStack):
+    """track.jsonl, ob_in_cam/ and overlay.mp4 of one object, the timeline and the live page."""
 
-    def __init__(self, folder: Path, video: Video, *, write_video: bool) -> None:
+    def __init__(
+        self, options: Options, video: Video, tracker: PoseTracker, live: LiveView | None
+    ) -> None:
         from robust6dof.data.track_file import TrackWriter
-        from robust6dof.visualization.video import VideoWriter
 
-        self._folder = folder
-        self._tracks = TrackWriter(folder / "track.jsonl")
-        self._video = VideoWriter(folder / "overlay.mp4", _rate(video)) if write_video else None
+        super().__init__()
+        self._folder, self._live, self._video, self._recorder = options.out, live, None, None
+        self._net = getattr(tracker, "net", None)
+        self._tracks = self.enter_context(TrackWriter(options.out / "track.jsonl"))
+        if not options.no_video:
+            from robust6dof.visualization.video import VideoWriter
 
-    def write(self, frame: RgbdFrame, step: _Step) -> None:
+            path = options.out / "overlay.mp4"
+            self._video = self.enter_context(VideoWriter(path, _rate(video)))
+        if options.record is not None:
+            from robust6dof.visualization.rerun_recorder import RerunRecorder
+
+            self._recorder = self.enter_context(RerunRecorder(options.record))
+
+    def write(self, frame: RgbdFrame, step: _Step, before: Track | None) -> None:
         from robust6dof.data.track_file import write_ob_in_cam
 
         self._tracks.write(frame.name, step.track, step.ms)
         write_ob_in_cam(self._folder / "ob_in_cam", frame.name, step.track.T_cam_obj)
         if self._video is not None:
             self._video.write(_drawn(frame, step.track))
+        if self._recorder is None and self._live is None:
+            return
+        from robust6dof.visualization.track_view import make_track_view
 
-    def __enter__(self) -> _Output:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._tracks.close()
-        if self._video is not None:
-            self._video.close()
+        view = make_track_view(frame, step.track, before, self._net, step.ms)
+        if self._recorder is not None:
+            self._recorder.write(view)
+        if self._live is not None:
+            self._live.show(view)
 
 
 def _drawn(frame: RgbdFrame, track: Track) -> np.ndarray:
@@ -159,46 +207,6 @@ def _frame_range(video: Video, options: Options) -> Video:
             f"{len(video)}"
         )
     return part
-
-
-def _hints(options: Options, frame: RgbdFrame) -> dict[str, Any]:
-    """Arguments of `start`: at most one of mask, box and pose; the extents with any of them."""
-    from robust6dof.data.image_files import read_mask, read_transform
-    from robust6dof.errors import InputError
-
-    given = [name for name in ("mask", "box", "start") if getattr(options, name) is not None]
-    if len(given) > 1:
-        raise InputError(f"give only one of --{' and --'.join(given)}")
-    hints: dict[str, Any] = {}
-    if options.mask is not None:
-        hints["mask"] = read_mask(options.mask)
-    if options.box is not None:
-        hints["box"] = _read_box(options.box)
-    if options.start is not None:
-        hints["T_cam_obj"] = read_transform(options.start)
-    if options.extents is not None:
-        import numpy as np
-
-        hints["extents"] = np.array(_numbers(options.extents, 3, "--extents x,y,z"))
-    return hints
-
-
-def _read_box(text: str) -> Box:
-    from robust6dof.frames import Box
-
-    return Box(*_numbers(text, 4, "--box x,y,width,height"))
-
-
-def _numbers(text: str, count: int, form: str) -> list[float]:
-    from robust6dof.errors import InputError
-
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count:
-        raise InputError(f"'{text}' does not read {form}")
-    return numbers
 
 
 def _rate(video: Video) -> float:

@@ -187,6 +187,21 @@ def segment_click(
     return pieces[int(np.argmin(distances))]
 
 
+@dataclass(frozen=True, eq=False)
+class LastPose:
+    """What is where the object was last seen, or is predicted to be; see `propagated_mask`."""
+
+    T_cam_obj: Float[np.ndarray, "4 4"]
+    extents: Float[np.ndarray, "3"]
+    plane_obj: Plane | None = None
+    """That it stands on, in the object frame; what lies on it is left out."""
+
+    def segment(self, frame: RgbdFrame) -> list[Segment]:
+        """The mask, if anything is there."""
+        mask = propagated_mask(frame, self.T_cam_obj, self.extents, self.plane_obj)
+        return [Segment(mask)] if mask.any() else []
+
+
 def propagated_mask(
     frame: RgbdFrame,
     T_cam_obj: Float[np.ndarray, "4 4"],

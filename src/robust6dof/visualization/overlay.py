@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from robust6dof.geometry.boxes import box_corners
 from robust6dof.geometry.camera import project
-from robust6dof.geometry.transforms import transform_points
 
 YELLOW = (255, 210, 40)
 """Predictions, as in the paper's figures (RGB)."""
@@ -17,13 +17,10 @@ AXIS_COLORS = ((235, 60, 60), (70, 200, 70), (70, 110, 245))
 """x red, y green, z blue (RGB)."""
 
 _NEAR = 0.02
-_CORNER_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-_EDGES = [
-    (a, b)
-    for a in range(8)
-    for b in range(a + 1, 8)
-    if np.abs(_CORNER_SIGNS[a] - _CORNER_SIGNS[b]).sum() == 2
-]
+Segment = Float[np.ndarray, "2 2"]
+"""Two pixels (x, y)."""
+BOX_EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if a ^ b in (1, 2, 4)]
+"""Corners (as `geometry.boxes.box_corners` orders them) at the ends of each edge."""
 
 
 def draw_box_and_axes(
@@ -50,17 +47,35 @@ def draw_box_and_axes(
         thickness: of the lines [px].
     """
     image = np.ascontiguousarray(rgb).copy()
-    if not (np.isfinite(T_cam_obj).all() and np.isfinite(extents).all()):
-        return image
-    corners_cam = transform_points(T_cam_obj, _CORNER_SIGNS * (extents / 2))
-    for a, b in _EDGES:
-        _draw_segment(image, K, corners_cam[a], corners_cam[b], color, thickness)
+    for segment in box_edges(K, T_cam_obj, extents):
+        _draw_line(image, segment, color, thickness)
     if axes:
-        centre = T_cam_obj[:3, 3]
-        for axis, axis_color in enumerate(AXIS_COLORS):
-            tip = centre + T_cam_obj[:3, axis] * (0.75 * max(extents[axis], 0.3 * extents.max()))
-            _draw_segment(image, K, centre, tip, axis_color, thickness + 1)
+        for segment, axis_color in zip(axis_lines(K, T_cam_obj, extents), AXIS_COLORS, strict=True):
+            _draw_line(image, segment, axis_color, thickness + 1)
     return image
+
+
+def box_edges(
+    K: Float[np.ndarray, "3 3"],
+    T_cam_obj: Float[np.ndarray, "4 4"],
+    extents: Float[np.ndarray, "3"],
+) -> list[Segment]:
+    """The box's edges in the image, cut off behind the camera; none if anything is not finite."""
+    corners_cam = box_corners(T_cam_obj, extents)
+    edges = [_project_segment(K, corners_cam[a], corners_cam[b]) for a, b in BOX_EDGES]
+    return [edge for edge in edges if edge is not None]
+
+
+def axis_lines(
+    K: Float[np.ndarray, "3 3"],
+    T_cam_obj: Float[np.ndarray, "4 4"],
+    extents: Float[np.ndarray, "3"],
+) -> list[Segment | None]:
+    """The object's x, y and z axis in the image, a little longer than to the box's faces."""
+    centre = T_cam_obj[:3, 3]
+    lengths = 0.75 * np.maximum(extents, 0.3 * extents.max())
+    tips = (T_cam_obj[:3, :3] * lengths).T + centre
+    return [_project_segment(K, centre, tip) for tip in tips]
 
 
 def draw_label(
@@ -89,23 +104,23 @@ def colorize_depth(depth: np.ndarray, near: float = 0.3, far: float = 2.0) -> np
     return picture
 
 
-def _draw_segment(
-    image: np.ndarray,
-    K: np.ndarray,
-    start_cam: np.ndarray,
-    end_cam: np.ndarray,
-    color: tuple[int, int, int],
-    thickness: int,
+def _draw_line(
+    image: np.ndarray, segment: Segment | None, color: tuple[int, int, int], thickness: int
 ) -> None:
+    if segment is not None:
+        (x0, y0), (x1, y1) = np.rint(segment).astype(int)
+        cv2.line(image, (int(x0), int(y0)), (int(x1), int(y1)), color, thickness, cv2.LINE_AA)
+
+
+def _project_segment(K: np.ndarray, start_cam: np.ndarray, end_cam: np.ndarray) -> Segment | None:
+    if not (np.isfinite(start_cam).all() and np.isfinite(end_cam).all()):
+        return None
     clipped = _clip_to_near_plane(start_cam, end_cam)
     if clipped is None:
-        return
+        return None
     ends = project(np.stack(clipped), K)
     # OpenCV's lines take 16-bit-like ranges; far outside the image nothing is visible anyway.
-    if np.abs(ends).max() > 1e5:
-        return
-    (x0, y0), (x1, y1) = np.rint(ends).astype(int)
-    cv2.line(image, (int(x0), int(y0)), (int(x1), int(y1)), color, thickness, cv2.LINE_AA)
+    return ends if np.abs(ends).max() <= 1e5 else None
 
 
 def _clip_to_near_plane(

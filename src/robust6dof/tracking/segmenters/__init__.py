@@ -1,0 +1,1 @@
+"""Segmenters with weights, each an extra, imported lazily."""
