@@ -12,6 +12,7 @@ from robust6dof.evaluation.protocols.aerial import (
 )
 from robust6dof.evaluation.records import PoseBatch
 from robust6dof.evaluation.scores import mean_rows
+from robust6dof.frames import TrackState
 
 
 def mean_of(*records):
@@ -61,7 +62,7 @@ def test_missing_counts_as_180_degrees_and_a_metre_and_fails_everything():
 
 
 def test_a_pose_of_a_lost_tracker_is_missing():
-    mean = mean_of(record(1, lost=True))
+    mean = mean_of(record(1, state=TrackState.LOST))
     assert (mean["lost"], mean["5deg5cm"], mean["R_err_deg"]) == (100, 0, 180)
 
 

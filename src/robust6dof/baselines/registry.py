@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,13 +91,13 @@ def _oracle_icp(given: Ingredients) -> PoseTracker:
     return OracleIcpTracker(given.cad(), given.category, seed=given.seed)
 
 
-def _network(given: Ingredients) -> PoseTracker:
+def _network(given: Ingredients, recover: bool = True) -> PoseTracker:
     from robust6dof.tracking.canonical_frame import EXACT_START, ROUGH_START
     from robust6dof.tracking.tracker import Tracker
     from robust6dof.tracking.tracker_config import TrackerConfig
 
     doubt = EXACT_START if given.exact_start else ROUGH_START
-    return Tracker(_encoder(given), TrackerConfig(given_doubt=doubt))
+    return Tracker(_encoder(given), TrackerConfig(given_doubt=doubt, recover=recover))
 
 
 def _encoder(given: Ingredients) -> ViewEncoder:
@@ -110,6 +111,15 @@ def _keypoints(given: Ingredients) -> PoseTracker:
     from robust6dof.tracking.keypoint_tracker import KeypointTracker
 
     return KeypointTracker(_encoder(given))
+
+
+def _chained(given: Ingredients) -> PoseTracker:
+    """Pose changes from the last frame alone, multiplied up: what drifts."""
+    from robust6dof.tracking.joint_pose import JointPoseConfig
+    from robust6dof.tracking.keypoint_tracker import KeypointConfig, KeypointTracker
+
+    config = KeypointConfig(JointPoseConfig(anchor_weight=0.0), scale_gain=0.0, memory_capacity=0)
+    return KeypointTracker(_encoder(given), config)
 
 
 def _unsupervised_keypoints(given: Ingredients) -> PoseTracker:
@@ -133,7 +143,9 @@ def _unsupervised_keypoints(given: Ingredients) -> PoseTracker:
 
 TRACKERS: dict[str, Callable[[Ingredients], PoseTracker]] = {
     "robust6dof": _network,
+    "no-recovery": partial(_network, recover=False),
     "keypoints": _keypoints,
+    "chained": _chained,
     "icp": _icp,
     "features": _features,
     "oracle-icp": _oracle_icp,
@@ -142,6 +154,8 @@ TRACKERS: dict[str, Callable[[Ingredients], PoseTracker]] = {
 }
 
 REMARKS = {
+    "no-recovery": "no-recovery is robust6dof that does not look for what it has lost",
+    "chained": "chained matches with the last frame alone: pose changes, nothing absolute",
     "oracle-icp": "oracle-icp is given the CAD mesh of the very object, which no other tracker has",
     "unsupervised-keypoints": "unsupervised-keypoints is the network in 6-PACK's manner, with "
     "weights of its own",

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.scores import Row, cumulative, mean_rows
-from robust6dof.frames import SYMMETRIC_CATEGORIES
+from robust6dof.frames import SYMMETRIC_CATEGORIES, TrackState
 from robust6dof.geometry.boxes import BoxIou, box_iou
 
 
@@ -35,8 +35,10 @@ class PoseRecord:
     extents: Float[np.ndarray, "3"] | None = None
     """Predicted side lengths [m]."""
     confidence: float = 1.0
-    lost: bool = False
-    """The tracker called itself lost: what it gave is no claim."""
+    state: TrackState = TrackState.TRACKING
+    """What the tracker said of itself."""
+    stamp: float | None = None
+    """Of the frame [s]; None where the recording has none."""
     visibility: float = 1.0
     """Share of the object's silhouette that is in view, 0 to 1."""
     symmetric: bool = False
@@ -45,6 +47,11 @@ class PoseRecord:
     difficulty: str = ""
     frame_name: str = ""
     """The recording's own name of the frame."""
+
+    @property
+    def lost(self) -> bool:
+        """The tracker called itself lost: what it gave is no claim."""
+        return self.state is TrackState.LOST
 
 
 def by_category(record: PoseRecord) -> bool:

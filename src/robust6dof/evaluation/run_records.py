@@ -27,7 +27,7 @@ class Predicted:
     T_cam_obj: Float[np.ndarray, "4 4"]
     extents: Float[np.ndarray, "3"] | None = None
     confidence: float = 1.0
-    lost: bool = False
+    state: TrackState = TrackState.TRACKING
 
 
 Prediction = Callable[[DatasetSequence, int, ObjectTruth], Predicted | None]
@@ -98,7 +98,8 @@ def _record(
         T_cam_obj=None if predicted is None else predicted.T_cam_obj,
         extents=None if predicted is None else predicted.extents,
         confidence=0.0 if predicted is None else predicted.confidence,
-        lost=predicted is not None and predicted.lost,
+        state=TrackState.LOST if predicted is None else predicted.state,
+        stamp=None if annotated is None else annotated.stamp,
         visibility=1.0 if truth.visible_fraction is None else truth.visible_fraction,
         symmetric=annotated is not None and annotated.symmetric,
         handle_visible=truth.handle_visible,
@@ -133,7 +134,7 @@ class RunTracks:
         if track is None:
             return None
         T_cam_obj = object_pose(track.T_cam_obj, truth)
-        return Predicted(T_cam_obj, track.extents, track.confidence, track.state == TrackState.LOST)
+        return Predicted(T_cam_obj, track.extents, track.confidence, track.state)
 
     def _read(self, sequence: str, name: str) -> dict[str, Track]:
         path = self.run / sequence / name / "track.jsonl"

@@ -9,6 +9,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from robust6dof.evaluation.calibration import Reliability
 from robust6dof.evaluation.intervals import Interval
 from robust6dof.evaluation.scores import Scores
 
@@ -36,6 +37,7 @@ def plot_curves(
     xlabel: str,
     ylabel: str,
     right_label: str = "",
+    top: float | None = 102.0,
 ) -> Path:
     """One line for each series with its interval as a band; dashed ones on the right axis."""
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
@@ -48,12 +50,27 @@ def plot_curves(
         if len(one.intervals) == len(x) and all(ends is not None for ends in one.intervals):
             low, high = zip(*(ends for ends in one.intervals if ends is not None), strict=True)
             axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
-    left.set(xlabel=xlabel, ylabel=ylabel, ylim=(0, 102))
+    left.set(xlabel=xlabel, ylabel=ylabel, ylim=(0, top))
     if right_label:
         right.set_ylabel(right_label)
         right.set_ylim(bottom=0)
     left.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=4, fontsize="small")
+    return _save(figure, path)
+
+
+def plot_reliability(path: Path, found: Mapping[str, Reliability]) -> Path:
+    """Share of right poses against claimed confidence, beside the diagonal of honesty."""
+    figure = Figure(figsize=(4.8, 4.8), layout="constrained")
+    axes: Axes = figure.subplots()
+    axes.plot([0, 100], [0, 100], "--", color="gray", linewidth=1)
+    for name, one in found.items():
+        label = f"{name} (ECE {100 * one.expected_error:.1f})"
+        axes.plot(100 * one.confidence, 100 * one.share, "-o", markersize=4, label=label)
+    axes.set(xlabel="confidence [%]", ylabel="poses within 10° 5 cm [%]")
+    axes.set(xlim=(0, 102), ylim=(0, 102))
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=2, fontsize="small")
     return _save(figure, path)
 
 

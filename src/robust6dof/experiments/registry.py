@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from robust6dof.errors import InputError
-from robust6dof.experiments import ablations, benchmarks, qualitative, robustness
+from robust6dof.experiments import ablations, benchmarks, online, qualitative, robustness
 from robust6dof.experiments.report import Report
 from robust6dof.experiments.setting import Setting
 
@@ -36,6 +36,9 @@ EXPERIMENTS = {
     "qualitative": Experiment(
         qualitative.qualitative, "FIG_show_nocs, _ycb-video, _ycbineoat, _wild6d"
     ),
+    "losses": Experiment(online.losses, "beyond the paper"),
+    "calibration": Experiment(online.calibration, "beyond the paper"),
+    "drift": Experiment(online.drift, "beyond the paper"),
 }
 
 

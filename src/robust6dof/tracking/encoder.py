@@ -44,7 +44,8 @@ class ViewEncoder:
         cls, path: str | Path | None, category: str, device: str = "auto", seed: int = 0
     ) -> ViewEncoder:
         """With the shipped weights, or with one's own; see `load_pretrained`."""
-        return cls(load_pretrained(path, device), load_prior(category), category, seed)
+        prior = load_prior(category)
+        return cls(load_pretrained(path, device, category), prior, category, seed)
 
     @torch.inference_mode()
     def encode(

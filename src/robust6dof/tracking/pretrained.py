@@ -1,4 +1,4 @@
-"""The weights in the box, or one's own."""
+"""The weights in the box, of categories and of YCB's objects, or one's own."""
 
 from __future__ import annotations
 
@@ -6,41 +6,50 @@ from importlib.resources import files
 from pathlib import Path
 
 from robust6dof.errors import DataError
+from robust6dof.frames import YCB_OBJECTS
 from robust6dof.network.checkpoint import load_network
 from robust6dof.network.device import resolve_device
 from robust6dof.network.robust6dof_net import Robust6DofNet
 
-SHIPPED = "categories"
-"""Name of the shipped weights of the six categories."""
+CATEGORY_WEIGHTS = "categories"
+"""Name of the shipped weights of the six categories, and of those that users add."""
+OBJECT_WEIGHTS = "ycb_objects"
+"""Name of the shipped weights of the 21 YCB-Video objects."""
 
 
-def load_pretrained(path: str | Path | None = None, device: str = "auto") -> Robust6DofNet:
+def load_pretrained(
+    path: str | Path | None = None, device: str = "auto", category: str = ""
+) -> Robust6DofNet:
     """A trained network, in evaluation mode; nothing is fetched.
 
     Args:
         path: weights (.safetensors, with their .json beside); the shipped ones if not given.
         device: auto, cpu or cuda.
+        category: whose shipped ones; a YCB object has other weights than all else.
 
     Raises:
         DataError: missing or unusable weights; there is no silent fall-back.
         InputError: cuda asked for where there is none.
     """
     device = resolve_device(device)
-    chosen = Path(path) if path is not None else shipped_weights()
+    chosen = Path(path) if path is not None else shipped_weights(category)
     if chosen is None:
+        whose = "of YCB objects " if category in YCB_OBJECTS else ""
+        data = "--data ycb-video " if category in YCB_OBJECTS else ""
         raise DataError(
-            _shipped_file(),
-            "this build ships no weights",
-            "Train with robust6dof train, and give the file with --weights",
+            _shipped_file(category),
+            f"this build ships no weights {whose}".rstrip(),
+            f"Train with robust6dof train {data}…, and give the file with --weights",
         )
     return load_network(chosen, device)
 
 
-def shipped_weights() -> Path | None:
-    """The file of the weights that this build holds, if any."""
-    path = _shipped_file()
+def shipped_weights(category: str = "") -> Path | None:
+    """The file of the weights that this build holds for a category or YCB object, if any."""
+    path = _shipped_file(category)
     return path if path.is_file() else None
 
 
-def _shipped_file() -> Path:
-    return Path(str(files("robust6dof"))) / "weights" / f"{SHIPPED}.safetensors"
+def _shipped_file(category: str) -> Path:
+    name = OBJECT_WEIGHTS if category in YCB_OBJECTS else CATEGORY_WEIGHTS
+    return Path(str(files("robust6dof"))) / "weights" / f"{name}.safetensors"

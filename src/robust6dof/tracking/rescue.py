@@ -43,11 +43,11 @@ class Rescue:
         Once the object is lost only what registration and network both confirm counts; without
         any such the sight is None.
         """
-        lost = state is TrackState.LOST
+        lost = state is TrackState.LOST and self._config.recover
         trust = self._config.recovery.trust if lost else self._config.surface_trust
         tried = [
             self._registered_from(T, frame, memory)
-            for T in self._proposals(frame, look, memory, state)
+            for T in self._proposals(frame, look, memory, lost)
         ]
         placed = [one for one in tried if one.confidence >= trust]
         looks = [Look.take(self._encoder, frame, one, memory) for one in placed]
@@ -68,7 +68,7 @@ class Rescue:
         return replace(surface, T_cam_obj=memory.surface.T_cam_obj, memory=rested)
 
     def _proposals(
-        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
     ) -> list[Float[np.ndarray, "4 4"]]:
         """T_cam_obj by the matches with past views; once the object is lost, of all that could
         be it."""
@@ -76,7 +76,7 @@ class Rescue:
         proposals = []
         if look.sight is not None:
             proposals.append(self._matched(frame, T_cam_pred, look.sight.features, memory))
-        if state is TrackState.LOST:
+        if lost:
             scale, recovery = memory.canonical.scale, self._config.recovery
             color = memory.surface.memory.surface.mean_color
             guesses = poses_to_try(

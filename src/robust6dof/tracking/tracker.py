@@ -140,7 +140,7 @@ class Tracker:
     ) -> Track:
         """The registration's track after the network's look at the frame."""
         look = Look.take(self._encoder, frame, surface, memory)
-        lost = track.state is TrackState.LOST
+        lost = track.state is TrackState.LOST and self.config.recover
         if lost or surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, track.state)
         memory = replace(memory, surface=look.surface, evidence=None)

@@ -40,6 +40,8 @@ class TrackerConfig:
     """Confidence of the registration from which a look is believed to be placed rightly."""
     anchor_trust: float = 0.35
     """Least share of points that must agree with a look's own pose."""
+    recover: bool = True
+    """Look for a lost object in the whole image, and believe only what is confirmed."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
     memory_capacity: int = 12
     """Views kept to be matched."""

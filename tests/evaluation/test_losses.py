@@ -1,0 +1,103 @@
+"""Losses, how they are noticed and how they end: hand-made recordings whose counts are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robust6dof.evaluation.calibration import reliability
+from robust6dof.evaluation.losses import FollowedFrames, LossCounts, count_losses, runs
+
+
+def followed(count: int = 120, **changes: np.ndarray) -> FollowedFrames:
+    """A track without a fault at 30 Hz."""
+    zeros = np.zeros(count)
+    whole = FollowedFrames(
+        stamps=np.arange(count) / 30.0,
+        R_err_deg=zeros,
+        T_err_cm=zeros,
+        visible=np.ones(count),
+        claimed=np.ones(count, bool),
+        called_lost=np.zeros(count, bool),
+    )
+    return replace(whole, **changes)
+
+
+def where(count: int, start: int, end: int, inside: float, outside: float) -> np.ndarray:
+    values = np.full(count, outside)
+    values[start:end] = inside
+    return values
+
+
+def test_a_faultless_track_has_no_loss_and_no_alarm() -> None:
+    assert count_losses(followed()) == LossCounts(good_frames=120)
+
+
+def test_an_object_out_of_view_is_one_loss_noticed_and_found_again() -> None:
+    hidden = where(120, 30, 60, 0.0, 1.0)
+    claimed = ~where(120, 34, 62, 1.0, 0.0).astype(bool)
+    counts = count_losses(followed(visible=hidden, claimed=claimed, called_lost=~claimed))
+    assert (counts.losses, counts.noticed, counts.returns, counts.found) == (1, 1, 1, 1)
+    assert counts.wrong_locks == 1, "four frames of TRACKING while it was out of view"
+
+
+def test_who_claims_on_for_six_frames_did_not_notice() -> None:
+    hidden = where(120, 30, 60, 0.0, 1.0)
+    for last_claim, noticed in ((35, 1), (36, 0)):
+        claimed = ~where(120, last_claim, 60, 1.0, 0.0).astype(bool)
+        assert count_losses(followed(visible=hidden, claimed=claimed)).noticed == noticed
+
+
+def test_an_error_counts_from_its_third_frame_on() -> None:
+    short = followed(R_err_deg=where(120, 30, 32, 30.0, 0.0))
+    assert count_losses(short).losses == 0
+    long = followed(T_err_cm=where(120, 30, 50, 15.0, 0.0))
+    np.testing.assert_array_equal(np.flatnonzero(long.lost), np.arange(32, 50))
+
+
+def test_a_pose_found_too_late_or_not_claimed_is_not_found() -> None:
+    hidden = where(120, 20, 40, 0.0, 1.0)
+    for found_at, found in ((69, 1), (75, 0)):
+        wrong = where(120, 20, found_at, 90.0, 0.0)
+        assert count_losses(followed(visible=hidden, R_err_deg=wrong)).found == found
+    silent = where(120, 20, 120, 1.0, 0.0).astype(bool)
+    assert count_losses(followed(visible=hidden, called_lost=silent, claimed=~silent)).found == 0
+
+
+def test_a_return_of_less_than_a_second_is_not_judged() -> None:
+    hidden = where(60, 20, 40, 0.0, 1.0)
+    assert count_losses(followed(60, visible=hidden)).returns == 0
+
+
+def test_alarms_are_counted_once_each() -> None:
+    claimed = np.ones(120, bool)
+    claimed[[50, 51, 80]] = False
+    assert count_losses(followed(claimed=claimed)).false_alarms == 2
+
+
+def test_counts_add_up_to_shares() -> None:
+    row = (
+        LossCounts(losses=3, noticed=2, good_frames=500, false_alarms=1) + LossCounts(1, 1)
+    ).row()
+    assert row["noticed_in_5"] == pytest.approx(75.0)
+    assert row["alarms_per_1000"] == pytest.approx(2.0)
+    assert np.isnan(row["found_in_1s"])
+
+
+def test_runs() -> None:
+    assert runs(np.array([1, 1, 0, 0, 1], bool)) == [(0, 2), (4, 5)]
+    assert runs(np.zeros(3, bool)) == []
+
+
+def test_a_calibrated_confidence_has_no_error_and_an_overconfident_one_has() -> None:
+    rng = np.random.default_rng(0)
+    confidence = rng.uniform(size=60_000)
+    right = rng.uniform(size=60_000) < confidence
+    assert reliability(confidence, right).expected_error < 0.01
+    always = reliability(np.full(1000, 0.9), np.arange(1000) < 500)
+    # Mean gap over the bins of |0.9 - share|: half of them 0.9, half 0.1.
+    assert always.expected_error == pytest.approx(0.5, abs=0.02)
+    assert len(always.count) == 15
+    assert always.count.sum() == 1000
