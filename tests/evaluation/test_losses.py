@@ -66,9 +66,10 @@ def test_a_pose_found_too_late_or_not_claimed_is_not_found() -> None:
     assert count_losses(followed(visible=hidden, called_lost=silent, claimed=~silent)).found == 0
 
 
-def test_a_return_of_less_than_a_second_is_not_judged() -> None:
-    hidden = where(60, 20, 40, 0.0, 1.0)
-    assert count_losses(followed(60, visible=hidden)).returns == 0
+def test_a_return_of_less_than_half_a_second_is_not_judged() -> None:
+    for frames, returns in ((54, 0), (57, 1)):
+        hidden = where(frames, 20, 40, 0.0, 1.0)
+        assert count_losses(followed(frames, visible=hidden)).returns == returns
 
 
 def test_alarms_are_counted_once_each() -> None:

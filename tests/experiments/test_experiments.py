@@ -46,6 +46,9 @@ def test_every_table_and_figure_of_the_paper_has_a_name():
         "keypoint-ablation",
         "loss-ablation",
         "qualitative",
+        "losses",
+        "calibration",
+        "drift",
     }
     with pytest.raises(InputError, match="no experiment 'magic'; there is: estimation"):
         find_experiment("magic")

@@ -22,6 +22,7 @@ _PATIENCE = 3
 """Frames in a row that make a loss, a lock or a gap."""
 _NOTICE_FRAMES = 5
 _FIND_S = 1.0
+_LEAST_RETURN_S = 0.5
 _RATE_HZ = 30.0
 """Where a recording has no stamps."""
 
@@ -90,9 +91,10 @@ class LossCounts:
     noticed: int = 0
     """Within five frames the tracker no longer says TRACKING, or the loss is over."""
     returns: int = 0
-    """Losses after which the object is at least half visible for a second."""
+    """Losses after which the object is at least half visible for half a second."""
     found: int = 0
-    """Of these, the pose is within 20° and 10 cm, and not called lost, within that second."""
+    """Of these, the pose is within 20° and 10 cm, and not called lost, within the first second, and
+    before the object is hidden again."""
     wrong_locks: int = 0
     """Runs of three frames or more that say TRACKING, while wrong or unseen."""
     good_frames: int = 0
@@ -159,11 +161,11 @@ def _is_noticed(claimed: np.ndarray, start: int, end: int) -> bool:
 
 
 def _return(frames: FollowedFrames, start: int, until: int) -> bool | None:
-    """Whether the object is found again; None where it does not come back for a second."""
+    """Whether the object is found again; None where it does not come back for long enough."""
     seen = frames.visible >= 0.5
     for begin, end in runs(seen[start:until]):
         first, last = start + begin, start + end - 1
-        if frames.stamps[last] - frames.stamps[first] < _FIND_S:
+        if frames.stamps[last] - frames.stamps[first] < _LEAST_RETURN_S:
             continue
         soon = frames.stamps[first : last + 1] <= frames.stamps[first] + _FIND_S
         right = ~frames.wrong[first : last + 1] & ~frames.called_lost[first : last + 1]

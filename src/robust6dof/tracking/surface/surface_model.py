@@ -70,7 +70,7 @@ def _known_means(
     group: np.ndarray, values: np.ndarray, weights: np.ndarray, count: int
 ) -> Float[np.ndarray, "V C"]:
     """Weighted mean of each group's rows that are not NaN; NaN where there are none."""
-    known = ~np.isnan(values).any(axis=-1)
+    known = ~np.any(np.isnan(values), axis=-1)
     totals = np.bincount(group, weights=weights * known, minlength=count)[:, None]
     sum_ = sums(group, weights[:, None] * np.where(known[:, None], values, 0.0), count)
     return np.where(totals > 0, sum_ / np.maximum(totals, 1e-12), np.nan)
