@@ -30,7 +30,8 @@ _LOSS_COLUMNS = (
 _LOSS_NOTE = (
     "a loss: over 20° or 10 cm for 3 frames, or under 5 % visible; noticed: no longer TRACKING "
     "within 5 frames; a return: half visible for half a second; found: within 20° and 10 cm, not "
-    "LOST, within 1 s of it and before it is hidden again; a wrong lock: TRACKING for 3 frames of a loss; a good frame: within 10° and 5 cm, half visible"
+    "LOST, within 1 s of it and before it is hidden again; a wrong lock: TRACKING for 3 frames of "
+    "a loss; a good frame: within 10° and 5 cm, half visible"
 )
 _DRIFT_PARTS = 20
 
