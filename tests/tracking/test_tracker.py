@@ -154,3 +154,13 @@ def test_states_follow_the_documented_transitions() -> None:
         *["tracking", "uncertain", "uncertain", "uncertain", "lost", "lost"],
         *["recovering", "lost", "recovering", "recovering", "tracking"],
     ]
+
+
+def test_doubt_ends_after_three_good_frames() -> None:
+    rules, state, count = StateRules(), TrackState.TRACKING, StateCount()
+    seen = []
+    for confidence in (0.4, 0.6, 0.4, 0.6, 0.6, 0.6):
+        count = count.after(confidence, rules)
+        state = next_state(state, count, rules)
+        seen.append(state.value)
+    assert seen == [*["uncertain"] * 5, "tracking"]

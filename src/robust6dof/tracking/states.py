@@ -1,8 +1,8 @@
 """Transitions between what a tracker believes of itself.
 
-TRACKING → UNCERTAIN when the confidence falls below `sure`; → LOST after `patience` frames below
-`lost`; LOST → RECOVERING on the first frame at or above `sure`; RECOVERING → TRACKING after
-`patience` such frames, back to LOST on one that is not.
+TRACKING → UNCERTAIN when the confidence falls below `sure`, and back after `patience` frames at or
+above it; either → LOST after `patience` frames below `lost`; LOST → RECOVERING on the first frame at
+or above `sure`; RECOVERING → TRACKING after `patience` such frames, back to LOST on one that is not.
 """
 
 from __future__ import annotations
@@ -44,4 +44,5 @@ def next_state(state: TrackState, count: StateCount, rules: StateRules) -> Track
         return TrackState.TRACKING if count.good >= rules.patience else TrackState.RECOVERING
     if count.bad >= rules.patience:
         return TrackState.LOST
-    return TrackState.TRACKING if count.good else TrackState.UNCERTAIN
+    enough = rules.patience if state is TrackState.UNCERTAIN else 1
+    return TrackState.TRACKING if count.good >= enough else TrackState.UNCERTAIN
