@@ -155,3 +155,17 @@ def test_an_interruption_keeps_what_was_done(
 
 def test_the_recordings_intrinsics_are_those_of_the_scene(recording: Path) -> None:
     np.testing.assert_allclose(np.loadtxt(recording / "video" / "cam_K.txt"), K)
+
+
+def test_a_ycb_object_instead_of_a_category(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    video, start = str(recording / "video"), str(recording / "start.txt")
+    command = ["track", video, "--out", str(tmp_path), "--start", start, "--no-video"]
+    given = ["--tracker", "static", "--object"]
+    assert main([*command, *given, "005_tomato_soup_can"]) == 0
+    rows = list(read_tracks(tmp_path / "track.jsonl"))
+    assert {row.track.category for row in rows} == {"005_tomato_soup_can"}
+    assert main([*command, *given, "005_soup"]) == 1
+    assert "061_foam_brick" in capsys.readouterr().err
+    assert main([*command, *given, "005_tomato_soup_can", "--category", "can"]) == 1

@@ -6,7 +6,7 @@ Writes track.jsonl (one pose a line), ob_in_cam/ (one 4×4 text file a frame) an
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -26,9 +26,11 @@ if TYPE_CHECKING:
 class Options(CommonOptions):
     video: Annotated[Path, tyro.conf.Positional]
     """Folder of the recording (rgb/, depth/, cam_K.txt; or the layout of 7-Scenes)."""
-    category: str
+    category: str = ""
     """What the object is: bottle, bowl, camera, can, laptop, mug, or one that you built a prior of
     (robust6dof priors)."""
+    object: str = ""
+    """Instead: one of YCB-Video's 21 objects, such as 006_mustard_bottle."""
     out: Path
     """Folder for the results."""
     tracker: str = "robust6dof"
@@ -79,7 +81,9 @@ def run(options: Options) -> None:
     """
     from robust6dof.baselines.registry import make_tracker
     from robust6dof.data import read_video
+    from robust6dof.tracking.pretrained import category_or_object
 
+    options = replace(options, category=category_or_object(options.category, options.object))
     tracker = make_tracker(
         options.tracker,
         options.category,

@@ -19,7 +19,8 @@ from robust6dof.evaluation.cad_models import find_cad_mesh
 from robust6dof.evaluation.protocols import Protocol, find_protocol
 from robust6dof.evaluation.run_info import RunInfo, SequenceOutcome
 from robust6dof.evaluation.start_noise import PoseNoiseTracker, exact
-from robust6dof.frames import PoseTracker, RgbdFrame, Track
+from robust6dof.evaluation.ycb_axes import YcbVideoAxes, upright_mesh
+from robust6dof.frames import YCB_OBJECTS, PoseTracker, RgbdFrame, Track
 
 MIN_START_VISIBILITY = 0.1
 """A track starts on the first frame in which this share of the object is in view."""
@@ -108,12 +109,18 @@ def _tracker(
     truth: ObjectTruth,
     rng: np.random.Generator,
 ) -> PoseTracker:
-    """The tracker for one object, with the noise that the run asks for."""
+    """The tracker for one object, in the data's axes, with the noise that the run asks for."""
     root = Path(info.data)
     folders = ((Path(info.meshes),) if info.meshes else ()) + (root / "models", root / "meshes")
     exact_start = find_protocol(info.protocol).start is exact and not info.init_noise
     cad = partial(find_cad_mesh, sequence, truth, folders)
-    tracker = make_tracker(truth.category, cad=cad, exact_start=exact_start)
+    if truth.category in YCB_OBJECTS:
+        upright = partial(upright_mesh, cad)
+        tracker: PoseTracker = YcbVideoAxes(
+            make_tracker(truth.category, cad=upright, exact_start=exact_start)
+        )
+    else:
+        tracker = make_tracker(truth.category, cad=cad, exact_start=exact_start)
     if info.init_noise or info.all_noise:
         return PoseNoiseTracker(tracker, rng.spawn(1)[0], info.init_noise, info.all_noise)
     return tracker

@@ -22,7 +22,7 @@ from jaxtyping import Float, Float32
 from scipy.spatial import KDTree
 
 from robust6dof.errors import DataError, InputError
-from robust6dof.frames import SYMMETRIC_CATEGORIES
+from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES, YCB_OBJECTS
 from robust6dof.shapes.mesh import ObjectModel
 from robust6dof.shapes.registration import Drift, register
 from robust6dof.shapes.sampling import farthest_points, sample_surface
@@ -175,10 +175,11 @@ def _shipped(category: str) -> Float32[np.ndarray, "2048 3"]:
     folder = resources.files("robust6dof.shapes") / "prior_points"
     file = folder / f"{category}.npy"
     if not file.is_file():
+        known = ", ".join((*CATEGORIES, *YCB_OBJECTS))
         raise InputError(
-            f"no prior is known for '{category}'; build one from your meshes with "
-            f"robust6dof priors --category {category} --meshes DIR --out PRIORS/{category}.npy "
-            f"and set {PRIORS_VARIABLE} to that folder"
+            f"no prior is known for '{category}' (there are: {known}); build one from your meshes "
+            f"with robust6dof priors --category {category} --meshes DIR "
+            f"--out PRIORS/{category}.npy and set {PRIORS_VARIABLE} to that folder"
         )
     with resources.as_file(file) as path:
         return read_prior(path)

@@ -15,6 +15,7 @@ from robust6dof.frames import Box, RgbdFrame
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import check_transform
 from robust6dof.shapes.priors import load_prior
+from robust6dof.shapes.ycb_objects import known_extents
 from robust6dof.tracking.image_plane import local_plane, plane_height
 from robust6dof.tracking.prior_fit import (
     DIAGONAL_RANGE_M,
@@ -57,8 +58,9 @@ def find_initial_pose(
 ) -> InitialPose:
     """Pose and size of the object in the first frame, from whatever is known.
 
-    A given pose is taken as it is; extents are estimated where they are not given. Without any
-    hint, pieces that stand on a plane are tried and the one that fits the category best is taken.
+    A given pose is taken as it is; extents are estimated where they are neither given nor those of
+    a YCB object. Without any hint, pieces that stand on a plane are tried and the one that fits
+    the category best is taken.
 
     Args:
         prior: points of the category's mean shape (canonical axes, diagonal 1); by default the
@@ -70,7 +72,7 @@ def find_initial_pose(
             on the object, nothing found, extents that are not positive.
     """
     config = config or InitialisationConfig()
-    extents = None if extents is None else _check_extents(extents)
+    extents = known_extents(category) if extents is None else _check_extents(extents)
     if T_cam_obj is not None:
         T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")
         if extents is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from robust6dof.errors import DataError
+from robust6dof.errors import DataError, InputError
 from robust6dof.frames import YCB_OBJECTS
 from robust6dof.network.checkpoint import load_network
 from robust6dof.network.device import resolve_device
@@ -15,6 +15,27 @@ CATEGORY_WEIGHTS = "categories"
 """Name of the shipped weights of the six categories, and of those that users add."""
 OBJECT_WEIGHTS = "ycb_objects"
 """Name of the shipped weights of the 21 YCB-Video objects."""
+
+
+def category_or_object(category: str | None, object: str | None) -> str:
+    """The one that is given: the name that prior, symmetry and shipped weights go by.
+
+    Args:
+        category: any with a prior.
+        object: one of YCB-Video's.
+
+    Raises:
+        InputError: both, neither, or no such object.
+    """
+    if not object:
+        if not category:
+            raise InputError("say what is followed: a category, or a YCB object")
+        return category
+    if category and category != object:
+        raise InputError(f"give the category '{category}' or the object '{object}', not both")
+    if object not in YCB_OBJECTS:
+        raise InputError(f"no YCB object '{object}'; there is: {', '.join(YCB_OBJECTS)}")
+    return object
 
 
 def load_pretrained(

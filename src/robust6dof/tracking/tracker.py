@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
@@ -29,6 +28,7 @@ from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.look import Look, Sight
 from robust6dof.tracking.motion import seconds_between
+from robust6dof.tracking.pretrained import category_or_object
 from robust6dof.tracking.rescue import Rescue
 from robust6dof.tracking.states import next_state
 from robust6dof.tracking.surface.icp import IcpTracker
@@ -57,7 +57,8 @@ class Tracker:
         cls,
         path: str | Path | None = None,
         *,
-        category: str,
+        category: str | None = None,
+        object: str | None = None,
         config: TrackerConfig | None = None,
         device: str = "auto",
         seed: int = 0,
@@ -66,16 +67,18 @@ class Tracker:
 
         Args:
             path: weights that `robust6dof train` wrote; the shipped ones if not given.
-            category: one with a shipped prior.
+            category: one with a prior; or instead
+            object: one of the 21 of YCB-Video, which have weights of their own.
             config: see its fields.
             device: auto, cpu or cuda.
             seed: of the points drawn and of RANSAC.
 
         Raises:
-            DataError: unusable weights.
-            InputError: no prior for the category.
+            DataError: unusable weights, or none shipped.
+            InputError: no prior for the category, no such object, or not one of the two.
         """
-        return cls(ViewEncoder.from_pretrained(path, category, device, seed), config)
+        name = category_or_object(category, object)
+        return cls(ViewEncoder.from_pretrained(path, name, device, seed), config)
 
     def start(
         self,
@@ -109,7 +112,8 @@ class Tracker:
         surface = self._surface.start(frame, T_cam_obj=T_cam_obj, extents=extents)
         features = self._encoder.first(frame, T_cam_obj, extents)
         sight = Sight(features, self._encoder.anchor(features, 0))
-        evidence = self._evidence(sight, T_cam_obj, canonical.scale)
+        symmetric = self._encoder.symmetric
+        evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
         confidence = self._confidence(surface, evidence)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
@@ -153,7 +157,8 @@ class Tracker:
             canonical = self._with_look(memory.canonical, T_cam_model, anchor, memory.seconds)
             memory = replace(memory, canonical=canonical)
         T_cam_obj = memory.T_cam_obj(look.surface)
-        evidence = self._evidence(look.sight, T_cam_obj, memory.canonical.scale)
+        scale, symmetric = memory.canonical.scale, self._encoder.symmetric
+        evidence = look_evidence(anchor, T_cam_obj, scale, symmetric)
         memory = replace(memory, evidence=evidence)
         return self._updated(track, frame, memory, look.sight.features)
 
@@ -171,10 +176,6 @@ class Tracker:
             symmetric=self._encoder.symmetric,
             seconds=seconds,
         )
-
-    def _evidence(self, sight: Sight, T_cam_obj: np.ndarray, scale: float) -> np.ndarray:
-        foreground = float(torch.sigmoid(sight.features.foreground).mean())
-        return look_evidence(sight.anchor, T_cam_obj, scale, foreground, self._encoder.symmetric)
 
     def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
         if evidence is None:
