@@ -43,37 +43,32 @@ def keypoint_evidence(estimate: JointPose) -> Float[np.ndarray, "5"]:
     )
 
 
-TRACK_CONFIDENCE = ConfidenceModel((4.0, 1.5, -2.0, -2.0, -1.0, 2.0), -2.0)
-"""For the registration's confidence, then `look_evidence`; set by hand."""
+TRACK_CONFIDENCE = ConfidenceModel((4.6, -1.4, -1.5, -0.35), 0.5)
+"""For the registration's confidence, then `look_evidence`; by `benchmarks/fit_confidence.py`."""
 
 
 def look_evidence(
     anchor: AbsoluteFit,
     T_cam_obj: Float[np.ndarray, "4 4"],
     scale: float,
-    foreground: float,
     symmetric: bool,
-) -> Float[np.ndarray, "5"]:
-    """What one look of the network says for and against a tracked pose, each part about 0 to 1.
+) -> Float[np.ndarray, "3"]:
+    """What one look of the network says against a tracked pose, each part about 0 to 1.
 
     Args:
         anchor: what this view alone says.
         T_cam_obj: the tracked pose.
         scale: its box diagonal [m].
-        foreground: mean estimated share of points on the object.
         symmetric: compare the axes alone.
 
     Returns:
-        Inlier share of the anchor, its disagreement in rotation, place and size, and the
-        foreground.
+        How far the anchor is from it in rotation, place and size.
     """
     apart = Disagreement.between(T_cam_obj, scale, anchor.T_cam_obj, anchor.scale, symmetric)
     return np.array(
         [
-            anchor.inlier_share,
             min(apart.rotation / np.deg2rad(30.0), 2.0),
             min(apart.translation / (0.25 * scale), 2.0),
             min(abs(apart.log_scale) / 0.3, 2.0),
-            foreground,
         ]
     )

@@ -1,8 +1,9 @@
 """Transitions between what a tracker believes of itself.
 
-TRACKING → UNCERTAIN when the confidence falls below `sure`, and back after `patience` frames at or
-above it; either → LOST after `patience` frames below `lost`; LOST → RECOVERING on the first frame at
-or above `sure`; RECOVERING → TRACKING after `patience` such frames, back to LOST on one that is not.
+TRACKING → UNCERTAIN when the confidence falls below `sure`, and back after `patience` frames at
+or above it; either → LOST after `patience` frames below `lost`; LOST → RECOVERING on the first
+frame at or above `sure`; RECOVERING → TRACKING after `patience` such frames, back to LOST on one
+that is not.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class TrackerMemory:
     """Extents over their diagonal."""
     last: Keyframe
     views: KeyframeMemory
-    evidence: Float[np.ndarray, "5"] | None
+    evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
     count: StateCount = field(default_factory=StateCount)
     seconds: float = 0.0
