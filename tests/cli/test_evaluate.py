@@ -12,6 +12,7 @@ from evaluation.small_recordings import make_standing, write_recording
 from robust6dof.cli import main
 from robust6dof.evaluation.predict import predict
 from robust6dof.evaluation.run_info import RunInfo
+from shared_data import shared_data
 
 
 @pytest.fixture
@@ -70,8 +71,26 @@ def test_a_pose_pack_finds_the_models_beside_it(tmp_path):
     assert main([*args, "--method", "mine"]) == 0
     fields = json.loads((out / "scores.json").read_text())
     assert fields["mean"]["ADD_auc"] == pytest.approx(200 / 3)
+    assert fields["details"]["point_stride"] == 3
+    assert fields["details"]["every_point"]["ADD_auc"] == pytest.approx(200 / 3)
     assert fields["tracker"] == "mine"
     assert fields["iou"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_posecnn_comes_out_as_published(tmp_path):
+    """Its paper prints 53.7 / 75.9; with every third model point it is 53.7 / 75.2."""
+    pack = shared_data("ycb_video_poses") / "icg_poses_ycb-video.zip"
+    args = ["evaluate", str(pack), "--method", "posecnn_rss2018", "--protocol", "ycbv-auc"]
+    assert main([*args, "--out", str(tmp_path)]) == 0
+    fields = json.loads((tmp_path / "scores.json").read_text())
+    assert fields["details"]["pairs"] == 14_025
+    assert fields["mean"]["ADD_auc"] == pytest.approx(53.7, abs=0.1)
+    assert fields["mean"]["ADDS_auc"] == pytest.approx(75.2, abs=0.1)
+    all_points = fields["details"]["every_point"]
+    assert all_points["ADD_auc"] == pytest.approx(53.7, abs=0.1)
+    assert all_points["ADDS_auc"] == pytest.approx(75.9, abs=0.15)
 
 
 def test_mistakes_are_told_in_one_line(tmp_path, capsys):
@@ -106,4 +125,4 @@ def test_an_unknown_tracker_lists_what_there_is(tmp_path):
     args = ["--protocol", "aerial", "--out", tmp_path / "run", "--tracker", "nothing"]
     result = robust6dof("predict", tmp_path / "a", *args)
     assert result.returncode == 1
-    assert "no tracker 'nothing'; there is: robust6dof, keypoints, icp" in result.stderr
+    assert "no tracker 'nothing'; there is: robust6dof, " in result.stderr

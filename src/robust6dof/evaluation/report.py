@@ -16,6 +16,10 @@ _AXIS_LABELS = {
     "iou": "IoU",
     "distance": "mean point distance [cm]",
 }
+_POINT_REMARKS = {
+    "every_point": "pooled, with every model point: the toolbox's rule",
+    "every_third_point": "pooled, with every third model point",
+}
 
 
 def write_report(out: Path, scores: Sequence[Scores]) -> list[Path]:
@@ -34,14 +38,14 @@ def write_report(out: Path, scores: Sequence[Scores]) -> list[Path]:
 def markdown(scores: Sequence[Scores]) -> str:
     """The whole page: ours beside the published, per category, intervals, what to mind."""
     first = scores[0]
-    rows = [(f"**{one.tracker}**", one.mean, one.details.get("mean_is", "")) for one in scores]
+    rows = [(f"**{one.tracker}**", one.mean, _headline_remark(one)) for one in scores]
     for one in scores:
         if "object_mean" in one.details:
             remark = "unweighted mean of the objects"
             rows.append((f"**{one.tracker}**", one.details["object_mean"], remark))
-        if "every_third_point" in one.details:
-            remark = "pooled, measured with every third model point"
-            rows.append((f"**{one.tracker}**", one.details["every_third_point"], remark))
+        for key, remark in _POINT_REMARKS.items():
+            if key in one.details:
+                rows.append((f"**{one.tracker}**", one.details[key], remark))
     for line in PUBLISHED.get(first.protocol, ()):
         rows.append((line.method, line.figures, line.remark or "published"))
     iou = f", IoU `{first.iou}`" if first.iou else ""
@@ -52,6 +56,12 @@ def markdown(scores: Sequence[Scores]) -> str:
         _notes([note for one in scores for note in one.notes], CAVEATS.get(first.protocol, ())),
     ]
     return "\n".join(part for part in parts if part)
+
+
+def _headline_remark(scores: Scores) -> str:
+    stride = scores.details.get("point_stride", 1)
+    parts = [scores.details.get("mean_is", ""), f"each {stride}. model point" * (stride > 1)]
+    return "; ".join(part for part in parts if part)
 
 
 def _sections(scores: Scores) -> str:
