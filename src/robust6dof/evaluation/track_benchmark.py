@@ -12,6 +12,7 @@ import torch
 
 from robust6dof.frames import RgbdFrame, Track
 from robust6dof.shapes.procedural import make_object
+from robust6dof.synthetic.plans import FIRST_TEST_SHAPE
 from robust6dof.synthetic.sequence import SyntheticSequence
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.surface.icp import IcpTracker
@@ -19,7 +20,6 @@ from robust6dof.tracking.tracker import Tracker
 from robust6dof.tracking.tracker_memory import TrackerMemory
 from robust6dof.tracking.view import ViewConfig, make_view
 
-_TEST_SHAPES = 2_000_000
 Result = TypeVar("Result")
 
 
@@ -46,7 +46,7 @@ class TrackBenchmark:
 
 def benchmark_track(encoder: ViewEncoder, frames: int = 60, seed: int = 0) -> TrackBenchmark:
     """Follow a procedural test object, started from its true pose; threads are torch's."""
-    target = make_object(encoder.category, _TEST_SHAPES + seed)
+    target = make_object(encoder.category, FIRST_TEST_SHAPE + seed)
     sequence = SyntheticSequence.draw(target, "agile", seed, frames)
     shots = [sequence.frame(index) for index in range(len(sequence))]
     images = [frame for frame, _ in shots]
@@ -59,15 +59,14 @@ def benchmark_track(encoder: ViewEncoder, frames: int = 60, seed: int = 0) -> Tr
         track = tracker.step(track, frame)
         times.append(1e3 * (time.perf_counter() - begun))
         tracks.append(track)
-    net, cuda = encoder.net, torch.cuda.is_available()
-    on_gpu = next(net.parameters()).is_cuda
+    net = encoder.net
     return TrackBenchmark(
         category=encoder.category,
         frames=len(times),
         parameters=sum(p.numel() for p in net.parameters()),
         points=net.config.points,
         keypoints=net.config.keypoints,
-        device=torch.cuda.get_device_name() if cuda and on_gpu else "cpu",
+        device=torch.cuda.get_device_name() if _on_gpu(encoder) else "cpu",
         threads=torch.get_num_threads(),
         step_ms=float(np.median(times)),
         step_ms_p95=float(np.percentile(times, 95)),
@@ -79,12 +78,13 @@ def _stages(encoder: ViewEncoder, images: list[RgbdFrame], tracks: list[Track]) 
     """Each part by itself, on every frame after the first."""
     config = ViewConfig(points=encoder.net.config.points, crop_px=encoder.net.config.crop_px)
     icp = IcpTracker(encoder.category, seed=encoder.seed)
+    on_gpu = _on_gpu(encoder)
     times: dict[str, list[float]] = {}
 
     def timed(name: str, part: Callable[..., Result], *arguments: Any) -> Result:
         begun = time.perf_counter()
         result = part(*arguments)
-        if torch.cuda.is_available():
+        if on_gpu:
             torch.cuda.synchronize()
         times.setdefault(name, []).append(1e3 * (time.perf_counter() - begun))
         return result
@@ -103,3 +103,7 @@ def _stages(encoder: ViewEncoder, images: list[RgbdFrame], tracks: list[Track]) 
     median = {name: float(np.median(values)) for name, values in times.items()}
     median["network"] = median.pop("whole") - median["crop"]
     return median
+
+
+def _on_gpu(encoder: ViewEncoder) -> bool:
+    return next(encoder.net.parameters()).is_cuda
