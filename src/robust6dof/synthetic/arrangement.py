@@ -34,7 +34,11 @@ class StandingObject:
     @property
     def footprint(self) -> float:
         """Radius of the circle around it, seen from above [m]."""
-        return float(np.hypot(self.model.extents[0], self.model.extents[2])) / 2.0
+        return _footprint(self.model)
+
+
+def _footprint(model: ObjectModel) -> float:
+    return float(np.hypot(model.extents[0], model.extents[2])) / 2.0
 
 
 def stand(
@@ -87,7 +91,7 @@ def _stand_free(
     crowding: int,
     rng: np.random.Generator,
 ) -> StandingObject | None:
-    radius = float(np.hypot(model.extents[0], model.extents[2])) / 2.0
+    radius = _footprint(model)
     free = [_free_place(radius, taken, surface, rng) for _ in range(crowding)]
     places = [place for place in free if place is not None]
     if not places:
