@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "synthesize": "make synthetic recordings with ground truth",
     "synthesize ycb-video": "render YCB-Video's real trajectories with scanned shapes",
     "train": "train the tracker's network on the synthetic world",
+    "train-segmenter": "fine-tune Mask R-CNN on the synthetic world and export it to ONNX",
     "bench": "measure speed: the network alone, or the tracker from image to pose",
     "bench start": "measure how often a tracker starts rightly, by category and kind of hint",
     "predict": "run a tracker over a data set and store its poses",

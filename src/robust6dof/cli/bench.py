@@ -15,10 +15,10 @@ from robust6dof.cli.options import CommonOptions
 class Options(CommonOptions):
     what: Annotated[Literal["network", "track"], tyro.conf.Positional]
     """What to measure."""
-    preset: Literal["paper", "small", "tiny"] = "small"
-    """Which network, of random weights; `track` takes it where no weights are given."""
+    preset: Literal["paper", "small", "tiny"] | None = None
+    """A network of this size with random weights; `network` takes small where none is named."""
     weights: Path | None = None
-    """Weights for `track` (.safetensors)."""
+    """Weights for `track` (.safetensors), instead of the shipped ones or a --preset."""
     category: str = "mug"
     """Of the object that `track` follows."""
     frames: int = 60
@@ -53,7 +53,7 @@ def _network(options: Options):
     from robust6dof.network.device import resolve_device
 
     device = resolve_device(options.device)
-    name = options.preset
+    name = options.preset or "small"
     return benchmark_network(preset(name), name, device, options.seed, options.repeats)
 
 
@@ -70,9 +70,9 @@ def _track(options: Options):
 
     device = resolve_device(options.device)
     torch.manual_seed(options.seed)
-    if options.weights:
-        net = load_pretrained(options.weights, device)
-    else:
+    if options.preset and not options.weights:
         net = Robust6DofNet(preset(options.preset)).to(device)
+    else:
+        net = load_pretrained(options.weights, device)
     encoder = ViewEncoder(net, load_prior(options.category), options.category, options.seed)
     return benchmark_track(encoder, options.frames, options.seed)
