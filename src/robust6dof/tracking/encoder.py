@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,37 @@ from jaxtyping import Float
 
 from robust6dof.errors import InputError
 from robust6dof.frames import SYMMETRIC_CATEGORIES, RgbdFrame
-from robust6dof.network.inputs import PriorFeatures, ViewFeatures, to_camera
+from robust6dof.network.inputs import PriorFeatures, ViewBatch, ViewFeatures, to_camera
 from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.shapes.priors import load_prior
 from robust6dof.solver.absolute import AbsoluteFit, fit_absolute
 from robust6dof.tracking.initialisation import NOTHING_THERE
 from robust6dof.tracking.pretrained import load_pretrained
 from robust6dof.tracking.view import ViewConfig, make_view
+
+
+@dataclass(frozen=True, eq=False)
+class ViewRequest:
+    """What one view asks of the network: a batch of one in each field."""
+
+    view: ViewBatch
+    prior: PriorFeatures
+    previous: ViewFeatures | None
+    """Of the last frame, for the temporal encoder; None without a past."""
+
+
+@torch.inference_mode()
+def encode_together(net: Robust6DofNet, requests: Sequence[ViewRequest]) -> list[ViewFeatures]:
+    """The features of each request, in one call of the network; all with a past, or none."""
+    if not requests:
+        return []
+    past = [request.previous for request in requests if request.previous is not None]
+    features = net.encode(
+        ViewBatch.cat([request.view for request in requests]),
+        PriorFeatures.cat([request.prior for request in requests]),
+        ViewFeatures.cat(past) if past else None,
+    )
+    return [features[i : i + 1] for i in range(len(requests))]
 
 
 class ViewEncoder:
@@ -47,16 +73,15 @@ class ViewEncoder:
         prior = load_prior(category)
         return cls(load_pretrained(path, device, category), prior, category, seed)
 
-    @torch.inference_mode()
-    def encode(
+    def request(
         self,
         frame: RgbdFrame,
         T_cam_pred: Float[np.ndarray, "4 4"],
         extents: Float[np.ndarray, "3"],
         previous: ViewFeatures | None,
         number: int,
-    ) -> ViewFeatures | None:
-        """Features of what the prediction says is the object; None where there is no depth.
+    ) -> ViewRequest | None:
+        """To look at what the prediction says is the object; None where there is no depth.
 
         Args:
             frame: the image.
@@ -69,7 +94,19 @@ class ViewEncoder:
         view = make_view(frame, T_cam_pred, extents, self._view, rng)
         if view is None:
             return None
-        return self.net.encode(view.batch.to(self._prior.points.device), self._prior, previous)
+        return ViewRequest(view.batch.to(self._prior.points.device), self._prior, previous)
+
+    def encode(
+        self,
+        frame: RgbdFrame,
+        T_cam_pred: Float[np.ndarray, "4 4"],
+        extents: Float[np.ndarray, "3"],
+        previous: ViewFeatures | None,
+        number: int,
+    ) -> ViewFeatures | None:
+        """The features of one such `request`."""
+        request = self.request(frame, T_cam_pred, extents, previous, number)
+        return None if request is None else encode_together(self.net, [request])[0]
 
     def anchor(self, features: ViewFeatures, number: int) -> AbsoluteFit:
         """The absolute pose that one view's canonical coordinates give."""

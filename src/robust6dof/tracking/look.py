@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robust6dof.frames import RgbdFrame, Track
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
-from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_together
 from robust6dof.tracking.tracker_memory import TrackerMemory
 
 
@@ -34,13 +34,27 @@ class Look:
         cls, encoder: ViewEncoder, frame: RgbdFrame, surface: Track, memory: TrackerMemory
     ) -> Look:
         """Look at `frame` from `surface`; `memory` holds the last view and the object's frame."""
-        features = encoder.encode(
-            frame,
-            memory.T_cam_obj(surface),
-            memory.extents,
-            memory.last.features,
-            memory.frames,
-        )
+        request = look_request(encoder, frame, surface, memory)
+        answer = encode_together(encoder.net, [] if request is None else [request])
+        return cls.answered(encoder, surface, memory, answer[0] if answer else None)
+
+    @classmethod
+    def answered(
+        cls,
+        encoder: ViewEncoder,
+        surface: Track,
+        memory: TrackerMemory,
+        features: ViewFeatures | None,
+    ) -> Look:
+        """With what the network said of the `look_request`."""
         if features is None:
             return cls(surface, None)
         return cls(surface, Sight(features, encoder.anchor(features, memory.frames)))
+
+
+def look_request(
+    encoder: ViewEncoder, frame: RgbdFrame, surface: Track, memory: TrackerMemory
+) -> ViewRequest | None:
+    """What to ask of the network; None where there is no depth."""
+    T_cam_obj, extents = memory.T_cam_obj(surface), memory.extents
+    return encoder.request(frame, T_cam_obj, extents, memory.last.features, memory.frames)

@@ -11,7 +11,7 @@ Each frame:
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +22,11 @@ from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
 from robust6dof.tracking.canonical_frame import CanonicalFrame
 from robust6dof.tracking.confidence import look_evidence
-from robust6dof.tracking.encoder import ViewEncoder
+from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_together
 from robust6dof.tracking.first_look import look_around
 from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
-from robust6dof.tracking.look import Look, Sight
+from robust6dof.tracking.look import Look, Sight, look_request
 from robust6dof.tracking.motion import seconds_between
 from robust6dof.tracking.pretrained import category_or_object
 from robust6dof.tracking.rescue import Rescue
@@ -34,6 +34,19 @@ from robust6dof.tracking.states import next_state
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.tracker_config import TrackerConfig
 from robust6dof.tracking.tracker_memory import TrackerMemory
+
+
+@dataclass(frozen=True, eq=False)
+class BegunStep:
+    """Half a step, so that several trackers can share one call of the network."""
+
+    track: Track
+    memory: TrackerMemory
+    surface: Track
+    """Registered to the new frame."""
+    looks: bool
+    """The network is due; it has nothing to look at where there is no request."""
+    request: ViewRequest | None = None
 
 
 class Tracker:
@@ -129,6 +142,13 @@ class Tracker:
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
         """Follow the object to `frame`; never raises on a bad image."""
+        begun = self.begin(track, frame)
+        requests = [] if begun.request is None else [begun.request]
+        answers = encode_together(self.net, requests)
+        return self.finish(begun, frame, answers[0] if answers else None)
+
+    def begin(self, track: Track, frame: RgbdFrame) -> BegunStep:
+        """The first half of `step`: register, and say what to ask of the network."""
         memory: TrackerMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
@@ -136,16 +156,22 @@ class Tracker:
         learn = self.config.look_every == 1 or not due
         surface = self._surface.step(memory.surface, frame, learn=learn)
         if not due and surface.confidence >= self.config.surface_trust:
-            return self._updated(track, frame, replace(memory, surface=surface), None)
-        return self._looked(track, frame, surface, memory)
+            return BegunStep(track, memory, surface, looks=False)
+        request = look_request(self._encoder, frame, surface, memory)
+        return BegunStep(track, memory, surface, looks=True, request=request)
 
-    def _looked(
-        self, track: Track, frame: RgbdFrame, surface: Track, memory: TrackerMemory
-    ) -> Track:
+    def finish(self, begun: BegunStep, frame: RgbdFrame, answer: ViewFeatures | None) -> Track:
+        """The second half of `step`, with the network's answer to the request."""
+        track, memory, surface = begun.track, begun.memory, begun.surface
+        if not begun.looks:
+            return self._updated(track, frame, replace(memory, surface=surface), None)
+        look = Look.answered(self._encoder, surface, memory, answer)
+        return self._looked(track, frame, look, memory)
+
+    def _looked(self, track: Track, frame: RgbdFrame, look: Look, memory: TrackerMemory) -> Track:
         """The registration's track after the network's look at the frame."""
-        look = Look.take(self._encoder, frame, surface, memory)
         lost = track.state is TrackState.LOST and self.config.recover
-        if lost or surface.confidence < self.config.surface_trust:
+        if lost or look.surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, track.state)
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:
