@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pickle import UnpicklingError
 from types import ModuleType
 from typing import Any
 
@@ -14,6 +15,8 @@ from robust6dof.errors import DataError, MissingExtraError
 from robust6dof.tracking.segmenters.mask_rcnn import Detections, Weights
 
 EXTRA = "segmenter-training"
+
+_UNREADABLE = (KeyError, TypeError, ValueError, RuntimeError, OSError, EOFError, UnpicklingError)
 
 
 def import_torchvision() -> ModuleType:
@@ -68,7 +71,7 @@ def load_torchvision(path: Path) -> Weights:
         categories = tuple(stored["categories"])
         model = make_mask_rcnn(1 + len(categories))
         model.load_state_dict(stored["state_dict"])
-    except (KeyError, TypeError, RuntimeError, OSError, EOFError, ValueError) as error:
+    except _UNREADABLE as error:
         raise DataError(
             path, f"not weights of Mask R-CNN ({error})", "Train with robust6dof train-segmenter"
         ) from error
