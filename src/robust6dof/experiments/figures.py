@@ -37,9 +37,12 @@ def plot_curves(
     xlabel: str,
     ylabel: str,
     right_label: str = "",
-    top: float | None = 102.0,
+    log_scale: bool = False,
 ) -> Path:
-    """One line for each series with its interval as a band; dashed ones on the right axis."""
+    """One line for each series with its interval as a band; dashed ones on the right axis.
+
+    The left axis holds per cent, or anything positive on a logarithmic scale.
+    """
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     left: Axes = figure.subplots()
     right = left.twinx() if right_label else left
@@ -50,7 +53,8 @@ def plot_curves(
         if len(one.intervals) == len(x) and all(ends is not None for ends in one.intervals):
             low, high = zip(*(ends for ends in one.intervals if ends is not None), strict=True)
             axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
-    left.set(xlabel=xlabel, ylabel=ylabel, ylim=(0, top))
+    left.set(xlabel=xlabel, ylabel=ylabel)
+    left.set(yscale="log") if log_scale else left.set(ylim=(0, 102))
     if right_label:
         right.set_ylabel(right_label)
         right.set_ylim(bottom=0)

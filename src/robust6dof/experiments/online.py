@@ -102,8 +102,12 @@ def drift(setting: Setting) -> Report:
         lines.append(Line(tracker, _ends(frames, turns[tracker], gaps[tracker])))
     axis = ("frame", "rotation error [°]"), ("frame", "distance [cm]")
     figures = (
-        plot_curves(setting.out / "drift-rotation.png", list(places), turns, *axis[0], top=None),
-        plot_curves(setting.out / "drift-distance.png", list(places), gaps, *axis[1], top=None),
+        plot_curves(
+            setting.out / "drift-rotation.png", list(places), turns, *axis[0], log_scale=True
+        ),
+        plot_curves(
+            setting.out / "drift-distance.png", list(places), gaps, *axis[1], log_scale=True
+        ),
     )
     return Report(
         "Drift over one long recording",
