@@ -11,14 +11,9 @@ from robust6dof.data.image_files import read_color
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import DataError, InputError
 from robust6dof.geometry.camera import project
-from robust6dof.synthetic.ycb_video import (
-    RerenderedVideo,
-    YcbSource,
-    find_support,
-    plan_ycb_video,
-    render_ycb_video,
-    write_models,
-)
+from robust6dof.synthetic.support_plane import find_support
+from robust6dof.synthetic.ycb_source import YcbSource, plan_ycb_video
+from robust6dof.synthetic.ycb_video import RerenderedVideo, render_ycb_video, write_models
 from shared_data import shared_data
 
 SIZES = {"025_mug": (0.08, 0.1, 0.08), "004_sugar_box": (0.05, 0.16, 0.1)}
@@ -74,6 +69,9 @@ def test_a_rendered_video_reads_as_a_recording_whose_truth_fits(source, tmp_path
     (sequence,) = open_with_truth(tmp_path).sequences
     assert (sequence.name, sequence.frame_names) == ("0048", ("000001", "000002", "000003"))
     for truth in sequence.truth(2):
+        assert truth.visible_fraction is not None
+        assert truth.extents is not None
+        assert truth.mask is not None
         assert truth.visible_fraction > 0.7
         np.testing.assert_allclose(truth.extents, SIZES[truth.name], atol=0.01)
         y, x = np.nonzero(truth.mask)

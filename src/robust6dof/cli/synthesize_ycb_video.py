@@ -38,12 +38,8 @@ def run(options: Options) -> None:
 
     from tqdm import tqdm
 
-    from robust6dof.synthetic.ycb_video import (
-        YcbSource,
-        plan_ycb_video,
-        render_ycb_video,
-        write_models,
-    )
+    from robust6dof.synthetic.ycb_source import YcbSource, plan_ycb_video
+    from robust6dof.synthetic.ycb_video import render_ycb_video, write_models
 
     source = YcbSource(options.poses, options.meshes)
     plans = plan_ycb_video(source, options.seed, options.videos, options.every, options.frames)

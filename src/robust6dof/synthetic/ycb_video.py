@@ -11,122 +11,31 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from robust6dof.data.sequence_writer import SequenceWriter
 from robust6dof.data.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
-from robust6dof.data.ycb_video import K_FIRST, TEST_VIDEOS, read_keyframes
-from robust6dof.errors import DataError, InputError
+from robust6dof.data.ycb_video import K_FIRST, read_keyframes
 from robust6dof.frames import YCB_OBJECTS
-from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
+from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.rendering.rasteriser import render, render_depth
 from robust6dof.rendering.scene import Camera, Light, MeshInstance, Rendering, Scene
 from robust6dof.rendering.sensor import StereoSensor, StereoSensorConfig
-from robust6dof.shapes.loading import load_mesh
 from robust6dof.shapes.mesh import Material, TexturedMesh
 from robust6dof.shapes.textures import any_pattern
+from robust6dof.synthetic.support_plane import find_support
+from robust6dof.synthetic.ycb_source import YcbSource, YcbVideoPlan
 
 VERSION = "0.1"
 RATE_HZ = 30.0
 WIDTH, HEIGHT = 640, 480
-_TOUCH_M = 0.006
-"""A thing this near to a plane stands on it."""
 _TABLE_ID = len(YCB_OBJECTS) + 1
-
-
-@dataclass(frozen=True)
-class YcbVideoPlan:
-    """All that determines one re-rendered video."""
-
-    video: str
-    objects: tuple[str, ...]
-    frames: tuple[int, ...]
-    """Numbers of the frames in the real video, counted from 1."""
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
-class YcbSource:
-    """Where trajectories and shapes come from; see docs/evaluation.md for the files."""
-
-    poses: Path
-    """Folder with ycbv_gt_poses_by_video.npz, ycbv_to_google16k_frame.json and models_points/."""
-    meshes: Path
-    """Folder with <object>/textured.obj (google_16k)."""
-
-    def trajectories(self) -> dict[str, dict[str, Float[np.ndarray, "F 7"]]]:
-        """Video → object → one row `qw qx qy qz tx ty tz` for each frame."""
-        path = self._file("ycbv_gt_poses_by_video.npz")
-        videos: dict[str, dict[str, np.ndarray]] = {}
-        with np.load(path) as arrays:
-            for key in arrays.files:
-                video, _, name = key.partition("/")
-                if video.isdecimal() and int(video) in TEST_VIDEOS:
-                    videos.setdefault(video, {})[name] = arrays[key].astype(np.float64)
-        if not videos:
-            raise DataError(path, "holds no test video (0048 to 0059)", "Get the file again")
-        return videos
-
-    def model_points(self, name: str) -> Path:
-        """The official points of an object, in YCB-Video's object frame."""
-        return self._file(f"models_points/{name}.xyz")
-
-    def mesh(self, name: str) -> TexturedMesh:
-        """The scan in YCB-Video's object frame [m]."""
-        path = self.meshes / name / "textured.obj"
-        mesh = load_mesh(path if path.is_file() else path.parent / "google_16k" / "textured.obj")
-        frame = json.loads(self._file("ycbv_to_google16k_frame.json").read_text())[name]
-        R = np.array(frame["R_ycbv_to_google16k"])
-        t = np.array(frame["t_ycbv_to_google16k_m"])
-        return replace(mesh, vertices=(mesh.vertices - t) @ R, material=Material(0.1, 20.0))
-
-    def _file(self, name: str) -> Path:
-        path = self.poses / name
-        if not path.is_file():
-            raise DataError(path, "the file is missing", "docs/evaluation.md says what is needed")
-        return path
-
-
-def plan_ycb_video(
-    source: YcbSource,
-    seed: int,
-    videos: Sequence[str] = (),
-    every: int = 1,
-    frames: int | None = None,
-) -> list[YcbVideoPlan]:
-    """One plan for each test video.
-
-    Args:
-        source: of trajectories and shapes.
-        seed: of light, table and sensor.
-        videos: 0048 to 0059; all if empty.
-        every: render each n-th frame of the real video.
-        frames: at most so many of each.
-
-    Raises:
-        InputError: no such video, or numbers that leave nothing.
-        DataError: a missing file.
-    """
-    there = source.trajectories()
-    unknown = set(videos) - there.keys()
-    if unknown or every < 1 or (frames is not None and frames < 1):
-        raise InputError(
-            f"--videos takes {', '.join(sorted(there))}; --every and --frames count from 1"
-        )
-    plans = []
-    for video in sorted(videos or there):
-        objects = tuple(sorted(there[video]))
-        count = len(there[video][objects[0]])
-        numbers = tuple(range(1, count + 1, every))[:frames]
-        plans.append(YcbVideoPlan(video, objects, numbers, seed))
-    return plans
 
 
 def render_ycb_video(plan: YcbVideoPlan, source: YcbSource, out: Path) -> Path:
@@ -265,32 +174,6 @@ class RerenderedVideo:
             for name in self.plan.objects
         ]
         return find_support(things, T_world_cam[:3, 3])
-
-
-def find_support(
-    things: Sequence[Float[np.ndarray, "_ 3"]], camera: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "4 4"]:
-    """The plane that most of the things touch from above, seen from the camera: a facet of their
-    convex hull. Returns the pose of a frame on it below the things, y up."""
-    hull = ConvexHull(np.concatenate(things))
-    planes = np.unique(np.round(hull.equations, 4), axis=0)  # outward normal, offset
-    below = planes[planes[:, :3] @ camera + planes[:, 3] < 0]
-    touching = [
-        sum(float((thing @ p[:3] + p[3]).max()) > -_TOUCH_M for thing in things) for p in below
-    ]
-    area = [_footing(np.concatenate(things), plane) for plane in below]
-    best = below[max(range(len(below)), key=lambda i: (touching[i], area[i]))]
-    up = -best[:3] / np.linalg.norm(best[:3])
-    middle = np.mean([thing.mean(axis=0) for thing in things], axis=0)
-    place = middle - up * (up @ middle - best[3])
-    x = np.cross(up, [0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0])
-    x /= np.linalg.norm(x)
-    return make_transform(np.stack([x, up, np.cross(x, up)], axis=1), place)
-
-
-def _footing(points: np.ndarray, plane: np.ndarray) -> int:
-    """How many points lie on the plane."""
-    return int((points @ plane[:3] + plane[3] > -_TOUCH_M).sum())
 
 
 def _transforms(rows: Float[np.ndarray, "F 7"]) -> Float[np.ndarray, "F 4 4"]:
