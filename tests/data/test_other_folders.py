@@ -2,6 +2,7 @@
 
 import zipfile
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -49,13 +50,41 @@ def test_millimetres_and_quaternions_that_are_none_are_problems(tmp_path):
     assert [sound for sound, _ in other_contents(tmp_path)] == [False, False]
 
 
+def test_a_robot_says_the_unit_of_its_meshes_itself(tmp_path):
+    (tmp_path / "arm" / "assets").mkdir(parents=True)
+    trimesh.creation.box((300.0, 50, 50)).export(tmp_path / "arm" / "assets" / "link.stl")
+    joint = "<body><joint/><geom/></body>"
+    (tmp_path / "arm" / "arm.xml").write_text(f"<mujoco><worldbody>{joint}</worldbody></mujoco>")
+    (tmp_path / "arm" / "broken.xml").write_text("<mujoco>")
+    assert list(other_contents(tmp_path)) == [
+        (True, "arm.xml: a MuJoCo model of 1 bodies and 1 joints")
+    ]
+
+
+def test_clouds_and_loose_images_are_counted(tmp_path):
+    rng = np.random.default_rng(0)
+    np.savez(tmp_path / "clouds.npz", a=rng.random((200, 3)), b=rng.random((200, 3)), c=np.eye(3))
+    np.save(tmp_path / "pickled.npy", np.array([{"a": 1}]), allow_pickle=True)
+    (tmp_path / "x").mkdir()
+    cv2.imwrite(str(tmp_path / "x" / "d.png"), np.full((8, 8), 700, np.uint16))
+    cv2.imwrite(str(tmp_path / "x" / "c.png"), np.full((8, 8, 3), 70, np.uint8))
+    clouds, images = (text for sound, text in other_contents(tmp_path) if sound)
+    assert "clouds.npz: 2 clouds of 200 points" in clouds
+    assert images.startswith("1 depth and 1 colour images in no layout")
+    assert "0.70 to 0.70 m away if in millimetres" in images
+
+
 def test_nothing_known_stays_a_problem(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing")
     assert list(other_contents(tmp_path)) == []
     assert inspect_folder(tmp_path).problems == 1
 
 
-@pytest.mark.parametrize("folder", ["meshes", "ycb_video_poses"])
+@pytest.mark.parametrize(
+    "folder",
+    ["aerial", "meshes", "nocs_real275_objects", "shape_priors", "tabletop_frames"]
+    + ["ycb_video_poses"],
+)
 def test_shared_folders_without_images_make_sense(folder):
     inspection = inspect_folder(shared_data(folder))
     assert inspection.problems == 0

@@ -1,11 +1,14 @@
-"""Folders that are no recordings but that the package reads: meshes, model points, pose packs."""
+"""Folders that are no recordings but that the package knows: meshes, model points, pose packs,
+robots."""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
+import cv2
 import numpy as np
 
 from robust6dof.data.image_files import read_numbers
@@ -22,7 +25,8 @@ def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
 
     Nothing where there is nothing that this package reads.
     """
-    for judge in (_trajectories, _pose_packs, _model_points, _keyframes, _meshes):
+    judges = (_trajectories, _pose_packs, _model_points, _keyframes, _robots, _meshes, _clouds)
+    for judge in (*judges, _loose_images):
         try:
             yield from judge(path)
         except DataError as error:
@@ -71,9 +75,36 @@ def _keyframes(path: Path) -> Iterator[tuple[bool, str]]:
         yield True, f"{count:,} keyframes of {len(frames)} videos in image_sets/keyframe.txt"
 
 
+def _robots(path: Path) -> Iterator[tuple[bool, str]]:
+    for file in _robot_files(path):
+        root = ElementTree.parse(file).getroot()
+        bodies, joints = (sum(1 for _ in root.iter(tag)) for tag in ("body", "joint"))
+        if bodies:
+            yield True, f"{file.name}: a MuJoCo model of {bodies} bodies and {joints} joints"
+
+
+def _robot_files(folder: Path) -> list[Path]:
+    """MuJoCo's models in the folder and its subfolders; they say the unit of their meshes."""
+    files = [*sorted(folder.glob("*.xml")), *sorted(folder.glob("*/*.xml"))]
+    return [file for file in files if _root_tag(file) == "mujoco"]
+
+
+def _root_tag(file: Path) -> str:
+    try:
+        return ElementTree.parse(file).getroot().tag
+    except ElementTree.ParseError:
+        return ""
+
+
 def _meshes(path: Path) -> Iterator[tuple[bool, str]]:
+    robots = {file.parent for file in _robot_files(path)}
     folders = [child for child in sorted(path.iterdir()) if child.is_dir()]
-    files = [file for folder in [path, *folders] for file in _own_meshes(folder, folder == path)]
+    files = [
+        file
+        for folder in [path, *folders]
+        for file in _own_meshes(folder, folder == path)
+        if not robots.intersection(file.parents)
+    ]
     if not files:
         return
     sizes, wrong = [], []
@@ -101,3 +132,48 @@ def _size(file: Path) -> float:
 
 def _range(sizes: list[float]) -> str:
     return f"largest sides {min(sizes):.2f} to {max(sizes):.2f} m"
+
+
+def _clouds(path: Path) -> Iterator[tuple[bool, str]]:
+    """Arrays [… N 3] of points in NumPy's files; pickled ones are not opened."""
+    for file in [*sorted(path.glob("**/*.npz")), *sorted(path.glob("**/*.npy"))]:
+        clouds = [cloud for array in _arrays(file) for cloud in _points_of(array)]
+        if clouds:
+            sizes = [float(np.ptp(cloud, axis=0).max()) for cloud in clouds]
+            text = f"{file.name}: {len(clouds)} clouds of {len(clouds[0]):,} points"
+            yield max(sizes) < 5, f"{text}, {_range(sizes)}"
+
+
+def _arrays(file: Path) -> list[np.ndarray]:
+    try:
+        loaded = np.load(file, allow_pickle=False)
+        return [loaded] if isinstance(loaded, np.ndarray) else [loaded[k] for k in loaded.files]
+    except (ValueError, OSError):
+        return []
+
+
+def _points_of(array: np.ndarray) -> list[np.ndarray]:
+    if array.ndim < 2 or array.shape[-1] != 3 or array.shape[-2] < 100:
+        return []
+    return list(array.reshape(-1, *array.shape[-2:]))
+
+
+def _loose_images(path: Path) -> Iterator[tuple[bool, str]]:
+    """Colour and depth images in no layout; nothing where there is no depth image among them."""
+    images = [_image_kind(file) for file in sorted(path.glob("**/*.png"))]
+    depths = [one for one in images if one.dtype == np.uint16 and one.ndim == 2]
+    if not depths:
+        return
+    colours = sum(one.dtype == np.uint8 and one.ndim == 3 for one in images)
+    middle = [float(np.median(one[one > 0])) / 1000 for one in depths if one.any()]
+    seen = f", {min(middle):.2f} to {max(middle):.2f} m away if in millimetres" if middle else ""
+    yield (
+        True,
+        f"{len(depths)} depth and {colours} colour images in no layout that is known{seen}: to "
+        "track in them, put them into rgb/ and depth/ beside cam_K.txt",
+    )
+
+
+def _image_kind(file: Path) -> np.ndarray:
+    image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    return np.zeros(0) if image is None else image
