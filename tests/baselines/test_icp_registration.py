@@ -91,6 +91,17 @@ def test_only_print_fixes_the_turn_of_a_symmetric_shape(
     assert abs(turn[2]) < 0.5
 
 
+def test_a_turn_that_changes_nothing_in_the_images_counts_as_unseen() -> None:
+    prior = independent(np.deg2rad(4.0), 0.02)
+    for printed, least, most in ((False, 0.0, 0.2), (True, 0.9, 1.0)):
+        target = RegistrationTarget.build(spheroid(6000, 0, printed=printed))
+        fit = fit_of(spheroid(600, 1, printed=printed), target, prior)
+        assert fit is not None
+        seen = fit.seen_rotation
+        assert least <= seen[1, 1] <= most
+        np.testing.assert_allclose(np.diag(seen)[[0, 2]], 1.0, atol=0.05)
+
+
 def test_a_change_of_exposure_changes_nothing() -> None:
     target = RegistrationTarget.build(spheroid(6000, 0, printed=True))
     source = moved(spheroid(600, 1, printed=True), motion([0, -5.0, 0], [0, 0, 0]))

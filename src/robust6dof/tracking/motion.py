@@ -32,6 +32,10 @@ class Motion:
         turn = Rotation.from_matrix(T_new[:3, :3] @ T_old[:3, :3].T).as_rotvec()
         return cls((T_new[:3, 3] - T_old[:3, 3]) / seconds, turn / seconds)
 
+    def turning(self, share: Float[np.ndarray, "3 3"]) -> Motion:
+        """The same with this share, camera axes, of its turning."""
+        return Motion(self.linear, share @ self.angular)
+
     def predict(
         self, T_cam_obj: Float[np.ndarray, "4 4"], seconds: float
     ) -> Float[np.ndarray, "4 4"]:

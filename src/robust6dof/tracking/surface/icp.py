@@ -11,7 +11,7 @@ as seen so far. What keeps it from drifting:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -53,6 +53,8 @@ class _Fit:
     quality: FitQuality
     left: bool = False
     """Whether the object was found away from its surroundings."""
+    seen_rotation: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    """As in `Registration`, camera axes: what was not seen to turn is not believed to turn on."""
 
 
 class IcpTracker:
@@ -123,7 +125,7 @@ class IcpTracker:
             T_held = self._carried(frame, T_predicted, prior, track)
             memory = replace(memory, motion=Motion.at_rest())
             return _updated(track, frame, _Fit(T_held, fit.quality), state, memory)
-        newest = Motion.between(track.T_cam_obj, fit.T_cam_obj, seconds)
+        newest = Motion.between(track.T_cam_obj, fit.T_cam_obj, seconds).turning(fit.seen_rotation)
         memory = replace(memory, motion=memory.motion.blended(newest, 0.5))
         memory = memory.watching_own_motion(fit.left, self.config)
         track = _updated(track, frame, fit, state, memory)
@@ -194,7 +196,10 @@ class IcpTracker:
             left = apart is not None and self._has_left(registration, apart)
             registration = apart if left and apart is not None else registration
         T_cam_obj = check_transform(T_predicted @ invert_transform(registration.T_target_source))
-        return _Fit(T_cam_obj, assess_surface(frame, T_cam_obj, memory.surface)[0], left)
+        R = T_cam_obj[:3, :3]
+        seen_rotation = R @ registration.seen_rotation @ R.T
+        quality, _ = assess_surface(frame, T_cam_obj, memory.surface)
+        return _Fit(T_cam_obj, quality, left, seen_rotation)
 
     def _around(
         self, frame: RgbdFrame, T_predicted: np.ndarray, noise: float, track: Track

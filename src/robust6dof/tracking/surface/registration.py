@@ -70,6 +70,13 @@ class Registration:
     """Of each evidence: the share of its points that have a partner in the last stage."""
     information: Float[np.ndarray, "6 6"]
     """Inverse covariance of a left-multiplied step [rotation, translation], the prior included."""
+    prior: Float[np.ndarray, "6 6"]
+
+    @property
+    def seen_rotation(self) -> Float[np.ndarray, "3 3"]:
+        """Share of the rotation, target axes, that the images decided, not the prior: the identity,
+        but for turns that change nothing in them."""
+        return np.linalg.solve(self.information, self.information - self.prior)[:3, :3]
 
 
 def independent(rotation: float, translation: float) -> Float[np.ndarray, "6 6"]:
@@ -119,7 +126,7 @@ def register(
             if np.linalg.norm(step[:3, 3]) < stage.small_m and _angle(step) < stage.small_rad:
                 break
     shares = tuple(float(n) / max(1, len(one.source)) for n, one in zip(counts, parts, strict=True))
-    return Registration(T, shares, H + prior)
+    return Registration(T, shares, H + prior, prior)
 
 
 def _all_terms(
