@@ -238,11 +238,7 @@ def _pose_source(options: Options, episode: Episode) -> PoseSource:
     if options.poses == "truth":
         return TruePoses(target.extents, latency)
     tracker = make_tracker(
-        options.tracker,
-        target.category,
-        seed=episode.seed,
-        device=options.device,
-        exact_start=True,
+        options.tracker, target.category, seed=episode.seed, device=options.device, exact_start=True
     )
     return TrackedPoses(tracker, target.extents, latency, options.measured_delay)
 
