@@ -117,7 +117,8 @@ def plot_scatter(
         ends = intervals.get(name, {}).get(key)
         error = None if ends is None else [[max(y - ends[0], 0.0)], [max(ends[1] - y, 0.0)]]
         axes.errorbar(x, y, yerr=error, fmt="o", capsize=3, color=f"C{index}", label=name)
-    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
+    if points:
+        figure.legend(loc="outside upper center", ncols=4, fontsize="small")
     axes.set_xscale("log")
     axes.set(xlabel=xlabel, ylabel=ylabel, ylim=(0, 104))
     axes.grid(alpha=0.3, which="both")

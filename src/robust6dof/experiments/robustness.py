@@ -31,6 +31,8 @@ PUBLISHED_FPS = {
     "Robust6DoF (paper)": 24.20,
 }
 """On REAL275 with one RTX A6000, as the paper prints them."""
+_PLOTTED_FPS = 1000.0
+"""A tracker that computes nothing, such as `static`, would squeeze the others into a corner."""
 
 
 def speed(setting: Setting) -> Report:
@@ -38,13 +40,13 @@ def speed(setting: Setting) -> Report:
     lines, points, intervals = [], {}, {}
     for tracker in setting.trackers:
         run = setting.predict(tracker, "aerial")
-        ms = [row.ms for path in sorted(run.glob("**/track.jsonl")) for row in read_tracks(path)][
-            1:
-        ]
+        tracks = [list(read_tracks(path))[1:] for path in sorted(run.glob("**/track.jsonl"))]
+        ms = [row.ms for rows in tracks for row in rows]
         scores = setting.scores(run, "aerial")
         fps = {"FPS": 1000.0 / float(np.median(ms)), "ms_p95": float(np.percentile(ms, 95))}
         lines.append(Line(tracker, fps | scores.mean, scores.details["interval95"]))
-        points[tracker] = (fps["FPS"], scores.mean["5deg5cm"])
+        if fps["FPS"] < _PLOTTED_FPS:
+            points[tracker] = (fps["FPS"], scores.mean["5deg5cm"])
         intervals[tracker] = scores.details["interval95"]
     lines += [
         Line(name, {"FPS": fps}, remark="the paper, one RTX A6000, REAL275")
@@ -52,9 +54,11 @@ def speed(setting: Setting) -> Report:
     ]
     labels = ("median frames per second", "frames within 5° 5 cm [%]")
     figure = plot_scatter(setting.out / "speed-accuracy.png", points, intervals, "5deg5cm", *labels)
-    note = (
+    notes = (
+        "times of the steps alone, starts and reading left out; the figure leaves out trackers of "
+        f"more than {_PLOTTED_FPS:.0f} frames a second",
         f"ours: one frame after the other on {platform.machine()} ({platform.processor() or 'CPU'})"
-        f", device {setting.device}; other work on the machine slows it"
+        f", device {setting.device}; other work on the machine slows it",
     )
     return Report(
         "Speed, and speed against accuracy",
@@ -62,7 +66,7 @@ def speed(setting: Setting) -> Report:
         ("FPS", "ms_p95", "5deg5cm"),
         tuple(lines),
         (figure,),
-        (note,),
+        notes,
         "aerial",
         "obb_exact",
     )
