@@ -76,3 +76,13 @@ def test_curves_count_what_lies_at_or_below():
     assert cumulative(np.array([1.0, 2.0, np.inf]), np.array([0, 1, 2])) == pytest.approx(
         [0, 100 / 3, 200 / 3]
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [("recorded images", "published;"), ("synthetic", "published, real images: NOT comparable;")],
+)
+def test_published_figures_say_whether_they_compare(kind, expected):
+    scores = Scores("6pack", "nocs_official", {"5deg5cm": 50.0}, {}, details={"data_kind": kind})
+    line = f"| BundleTrack | 87.4 | {expected} left out of the paper's table |"
+    assert line in markdown([scores])

@@ -48,6 +48,8 @@ class Stored:
     """What must be said beside the figures."""
     point_stride: int = 1
     """ADD and ADD-S of these are measured with each n-th model point where nothing else is said."""
+    kind: str = RECORDED
+    """What their images are; see `data_kind`."""
 
 
 def recognise_format(path: Path) -> str:
@@ -103,7 +105,8 @@ def read_stored(
         records = records_of_run(path, dataset, protocol.keyframes_only)
         name = f"{info.tracker} (started as {info.protocol})"
         tracker = info.tracker if info.protocol == protocol.name else name
-        return [Stored(method or tracker, dataset.name, records, remarks=_remarks(info))]
+        name, kind = method or tracker, data_kind(Path(info.data))
+        return [Stored(name, dataset.name, records, remarks=_remarks(info, kind), kind=kind)]
     records = _foreign_records(path, form, dataset, protocol)
     return [Stored(method or path.stem, dataset.name, records)]
 
@@ -114,10 +117,9 @@ def _icg(path: Path, method: str) -> Stored:
     return Stored(method, "ycb-video", records, remarks=(_PACK_NOTE,), point_stride=_THIRD)
 
 
-def _remarks(info: RunInfo) -> tuple[str, ...]:
+def _remarks(info: RunInfo, kind: str) -> tuple[str, ...]:
     """What of a run's making must be said beside its figures."""
     remarks = [info.remark] if info.remark else []
-    kind = data_kind(Path(info.data))
     if kind != RECORDED:
         remarks.append(f"measured on {kind}: not comparable with figures on real images")
     if info.frames != FrameChoice():
@@ -171,7 +173,8 @@ def score_stored(
         else:
             scores = protocol.score(records)
     notes = (*scores.notes, *stored.remarks)
-    return replace(scores, data=stored.data, tracker=stored.tracker, notes=notes)
+    details = scores.details | {"data_kind": stored.kind}
+    return replace(scores, data=stored.data, tracker=stored.tracker, notes=notes, details=details)
 
 
 def _score_points(

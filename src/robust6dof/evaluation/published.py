@@ -18,6 +18,11 @@ class Published:
     figures: Row
     remark: str = ""
 
+    def beside(self, comparable: bool) -> str:
+        """What to say of it beside figures of ours; they compare where ours are of real images."""
+        where = "published" if comparable else "published, real images: NOT comparable"
+        return "; ".join(part for part in (where, self.remark) if part)
+
 
 def _pose(five_two: float, five_five: float, ten_two: float, ten_five: float) -> Row:
     return {"5deg2cm": five_two, "5deg5cm": five_five, "10deg2cm": ten_two, "10deg5cm": ten_five}

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from robust6dof.evaluation.data_kind import RECORDED
 from robust6dof.evaluation.published import CAVEATS, PUBLISHED
 from robust6dof.evaluation.scores import Row, Scores
 
@@ -46,8 +47,9 @@ def markdown(scores: Sequence[Scores]) -> str:
         for key, remark in _POINT_REMARKS.items():
             if key in one.details:
                 rows.append((f"**{one.tracker}**", one.details[key], remark))
+    comparable = all(one.details.get("data_kind", RECORDED) == RECORDED for one in scores)
     for line in PUBLISHED.get(first.protocol, ()):
-        rows.append((line.method, line.figures, line.remark or "published"))
+        rows.append((line.method, line.figures, line.beside(comparable)))
     iou = f", IoU `{first.iou}`" if first.iou else ""
     parts = [
         f"# {first.data or 'scores'}: protocol `{first.protocol}`{iou}\n",

@@ -110,7 +110,7 @@ def plot_scatter(
     xlabel: str,
     ylabel: str,
 ) -> Path:
-    """One named point for each tracker, x on a logarithmic scale."""
+    """One named point for each tracker, both axes from zero."""
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes: Axes = figure.subplots()
     for index, (name, (x, y)) in enumerate(points.items()):
@@ -119,9 +119,9 @@ def plot_scatter(
         axes.errorbar(x, y, yerr=error, fmt="o", capsize=3, color=f"C{index}", label=name)
     if points:
         figure.legend(loc="outside upper center", ncols=4, fontsize="small")
-    axes.set_xscale("log")
     axes.set(xlabel=xlabel, ylabel=ylabel, ylim=(0, 104))
-    axes.grid(alpha=0.3, which="both")
+    axes.set_xlim(left=0.0)
+    axes.grid(alpha=0.3)
     return _save(figure, path)
 
 

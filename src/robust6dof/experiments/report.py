@@ -47,11 +47,8 @@ def line_of(name: str, scores: Scores, remark: str = "") -> Line:
 
 def published_lines(protocol: str, comparable: bool) -> tuple[Line, ...]:
     """The published figures of a benchmark; where ours are of other images, each line says so."""
-    where = "published" if comparable else "published, real images: NOT comparable"
     return tuple(
-        Line(
-            one.method, one.figures, remark="; ".join(part for part in (where, one.remark) if part)
-        )
+        Line(one.method, one.figures, remark=one.beside(comparable))
         for one in PUBLISHED.get(protocol, ())
     )
 
