@@ -54,7 +54,9 @@ def test_a_robot_says_the_unit_of_its_meshes_itself(tmp_path):
     (tmp_path / "arm" / "assets").mkdir(parents=True)
     trimesh.creation.box((300.0, 50, 50)).export(tmp_path / "arm" / "assets" / "link.stl")
     joint = "<body><joint/><geom/></body>"
-    (tmp_path / "arm" / "arm.xml").write_text(f"<mujoco><worldbody>{joint}</worldbody></mujoco>")
+    (tmp_path / "arm" / "arm.xml").write_text(
+        f"<mujoco><default><joint/></default><worldbody>{joint}</worldbody></mujoco>"
+    )
     (tmp_path / "arm" / "broken.xml").write_text("<mujoco>")
     assert list(other_contents(tmp_path)) == [
         (True, "arm.xml: a MuJoCo model of 1 bodies and 1 joints")
@@ -66,10 +68,12 @@ def test_clouds_and_loose_images_are_counted(tmp_path):
     np.savez(tmp_path / "clouds.npz", a=rng.random((200, 3)), b=rng.random((200, 3)), c=np.eye(3))
     np.save(tmp_path / "pickled.npy", np.array([{"a": 1}]), allow_pickle=True)
     (tmp_path / "x").mkdir()
+    np.save(tmp_path / "nocs.npy", rng.random((2, 500, 3)) * 0.57)
     cv2.imwrite(str(tmp_path / "x" / "d.png"), np.full((8, 8), 700, np.uint16))
     cv2.imwrite(str(tmp_path / "x" / "c.png"), np.full((8, 8, 3), 70, np.uint8))
-    clouds, images = (text for sound, text in other_contents(tmp_path) if sound)
+    clouds, normalised, images = (text for sound, text in other_contents(tmp_path) if sound)
     assert "clouds.npz: 2 clouds of 200 points" in clouds
+    assert "nocs.npy: 2 clouds of 500 points, normalised: diagonals 0.9" in normalised
     assert images.startswith("1 depth and 1 colour images in no layout")
     assert "0.70 to 0.70 m away if in millimetres" in images
 

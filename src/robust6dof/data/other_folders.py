@@ -4,7 +4,7 @@ robots."""
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -63,9 +63,9 @@ def _pose_packs(path: Path) -> Iterator[tuple[bool, str]]:
 def _model_points(path: Path) -> Iterator[tuple[bool, str]]:
     files = [*sorted(path.glob("*.xyz")), *sorted(path.glob("*/*.xyz"))]
     if files:
-        sizes = [float(np.ptp(read_numbers(f).reshape(-1, 3), axis=0).max()) for f in files]
-        text = f"{len(files)} lists of model points, {_range(sizes)} (--models of evaluate)"
-        yield max(sizes) < 5, text
+        boxes = [np.ptp(read_numbers(file).reshape(-1, 3), axis=0) for file in files]
+        text = f"{len(files)} lists of model points, {_sizes(boxes)} (--models of evaluate)"
+        yield float(np.max(boxes)) < 5, text
 
 
 def _keyframes(path: Path) -> Iterator[tuple[bool, str]]:
@@ -78,9 +78,12 @@ def _keyframes(path: Path) -> Iterator[tuple[bool, str]]:
 def _robots(path: Path) -> Iterator[tuple[bool, str]]:
     for file in _robot_files(path):
         root = ElementTree.parse(file).getroot()
-        bodies, joints = (sum(1 for _ in root.iter(tag)) for tag in ("body", "joint"))
+        bodies = list(root.iter("body"))
+        # Joints elsewhere are defaults and couplings.
+        joints = [part for body in bodies for part in body if part.tag in ("joint", "freejoint")]
         if bodies:
-            yield True, f"{file.name}: a MuJoCo model of {bodies} bodies and {joints} joints"
+            text = f"a MuJoCo model of {len(bodies)} bodies and {len(joints)} joints"
+            yield True, f"{file.name}: {text}"
 
 
 def _robot_files(folder: Path) -> list[Path]:
@@ -107,14 +110,14 @@ def _meshes(path: Path) -> Iterator[tuple[bool, str]]:
     ]
     if not files:
         return
-    sizes, wrong = [], []
+    boxes, wrong = [], []
     for file in files[:_FEW]:
         try:
-            sizes.append(_size(file))
+            boxes.append(np.ptp(load_mesh(file).vertices, axis=0))
         except DataError as error:
             wrong.append(str(error))
     more = "" if len(files) <= _FEW else f", of which {_FEW} were opened"
-    readable = f", {_range(sizes)}" if sizes else ""
+    readable = f", {_sizes(boxes)}" if boxes else ""
     yield not wrong, f"{len(files)} meshes{more}{readable} (--meshes of synthesize and priors)"
     for text in wrong:
         yield False, text
@@ -126,12 +129,13 @@ def _own_meshes(folder: Path, is_root: bool) -> list[Path]:
     return [file for file in found if file.parent == folder] if is_root else found
 
 
-def _size(file: Path) -> float:
-    return float(np.ptp(load_mesh(file).vertices, axis=0).max())
-
-
-def _range(sizes: list[float]) -> str:
-    return f"largest sides {min(sizes):.2f} to {max(sizes):.2f} m"
+def _sizes(boxes: Sequence[np.ndarray]) -> str:
+    """Of side lengths [3]; clouds and meshes of a diagonal about 1 are in NOCS' units."""
+    diagonals = np.linalg.norm(boxes, axis=1)
+    if ((diagonals > 0.8) & (diagonals < 1.05)).all():
+        return f"normalised: diagonals {diagonals.min():.2f} to {diagonals.max():.2f}"
+    sides = np.max(boxes, axis=1)
+    return f"largest sides {sides.min():.2f} to {sides.max():.2f} m"
 
 
 def _clouds(path: Path) -> Iterator[tuple[bool, str]]:
@@ -139,9 +143,9 @@ def _clouds(path: Path) -> Iterator[tuple[bool, str]]:
     for file in [*sorted(path.glob("**/*.npz")), *sorted(path.glob("**/*.npy"))]:
         clouds = [cloud for array in _arrays(file) for cloud in _points_of(array)]
         if clouds:
-            sizes = [float(np.ptp(cloud, axis=0).max()) for cloud in clouds]
+            boxes = [np.ptp(cloud, axis=0) for cloud in clouds]
             text = f"{file.name}: {len(clouds)} clouds of {len(clouds[0]):,} points"
-            yield max(sizes) < 5, f"{text}, {_range(sizes)}"
+            yield float(np.max(boxes)) < 5, f"{text}, {_sizes(boxes)}"
 
 
 def _arrays(file: Path) -> list[np.ndarray]:
