@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from evaluation.small_recordings import EXTENTS, write_recording
 from robust6dof.baselines.static import StaticTracker
@@ -16,12 +17,12 @@ from robust6dof.data.dataset import ObjectTruth
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import InputError
 from robust6dof.evaluation.start_accuracy import (
-    HINTS,
     StartCase,
     StartTrial,
     choose_cases,
     summarize,
     try_start,
+    wilson_interval,
 )
 from robust6dof.evaluation.start_noise import perturb
 from robust6dof.frames import RgbdFrame
@@ -119,7 +120,14 @@ def test_shares_are_counted_over_all_starts() -> None:
     assert summary["all"].share["10°5cm"] == pytest.approx(naive)
     low, high = summary["all"].interval["10°5cm"]
     assert low <= naive <= high
-    assert summary["mug"].starts == 7
+    assert (summary["mug"].starts, summary["mug"].recordings) == (7, 3)
+
+
+@pytest.mark.parametrize("hits", [0, 2, 7, 20])
+def test_intervals_are_wilsons(hits: int) -> None:
+    expected = binomtest(hits, 20).proportion_ci(method="wilson")
+    ours = wilson_interval(100 * hits / 20, 20)
+    np.testing.assert_allclose(ours, (100 * expected.low, 100 * expected.high), atol=1e-4)
 
 
 def test_frames_are_spread_over_those_that_show_the_object(tmp_path: Path) -> None:
@@ -137,11 +145,12 @@ def test_the_command_goes_on_where_it_stopped(
     command += ["--tracker", "static", "--frames", "2", "--debug"]
     assert main([*command, "--hints", "pose"]) == 0
     first = (tmp_path / "out" / "trials.jsonl").read_text()
-    assert main(command) == 0
+    assert main([*command, "--hints", "pose", "category"]) == 0
     both = (tmp_path / "out" / "trials.jsonl").read_text()
     assert both.startswith(first)
-    assert len(both.splitlines()) == 2 * 2 * len(HINTS)
+    assert len(both.splitlines()) == 2 * 2 * 2
     assert "| pose | mug | 2 |" in capsys.readouterr().out
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert {row["hint"] for row in summary} == set(HINTS)
-    assert any((tmp_path / "out" / "misses").iterdir())
+    assert {row["hint"] for row in summary} == {"pose", "category"}
+    pictures = list((tmp_path / "out" / "misses").iterdir())
+    assert len(pictures) == 4, "nothing stands on the flat wall that these recordings show"

@@ -61,7 +61,7 @@ def run(options: Options) -> None:
 
     options.out.mkdir(parents=True, exist_ok=True)
     trials = list(_trials(options))
-    rows = summarize(trials, options.seed)
+    rows = summarize(trials)
     (options.out / "summary.json").write_text(
         json.dumps([asdict(row) for row in rows], indent=1) + "\n"
     )
@@ -83,11 +83,8 @@ def table(rows: Sequence[StartSummary]) -> str:
 
 
 def _share(row: StartSummary, name: str) -> str:
-    text = f"{row.share[name]:.0f}"
-    if name in row.interval:
-        low, high = row.interval[name]
-        text += f" ({low:.0f} to {high:.0f})"
-    return text
+    low, high = row.interval[name]
+    return f"{row.share[name]:.0f} ({low:.0f} to {high:.0f})"
 
 
 def _trials(options: Options) -> Iterator[StartTrial]:
@@ -170,5 +167,5 @@ def _draw(folder: Path, case: StartCase, trial: StartTrial, track: Track | None)
     said = trial.problem or f"{trial.rotation_deg:.0f} deg, {trial.translation_cm:.1f} cm"
     image = draw_label(image, f"{trial.category} from {trial.hint}: {said}")
     folder.mkdir(parents=True, exist_ok=True)
-    name = f"{trial.sequence}_{trial.frame}_{trial.hint}.jpg".replace("/", "_")
+    name = f"{trial.sequence}_{trial.frame}_{trial.object_name}_{trial.hint}.jpg".replace("/", "_")
     cv2.imwrite(str(folder / name), np.ascontiguousarray(image[..., ::-1]))

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from robust6dof.data.dataset import DatasetSequence, ObjectTruth
 from robust6dof.errors import InputError, Robust6dofError
-from robust6dof.evaluation.intervals import Interval, bootstrap_interval
+from robust6dof.evaluation.intervals import Interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.scores import Row
 from robust6dof.evaluation.start_noise import perturb
@@ -135,47 +135,45 @@ class StartSummary:
     share: Row
     """Within each threshold [%]."""
     interval: Interval
-    """95 % of `share` when whole recordings are drawn again; empty with fewer than two."""
+    """95 % Wilson intervals of `share`, for as many trials as there are recordings: starts in one
+    recording are not independent."""
     median: Row
     """Errors of the poses given, and the time [s]."""
 
 
-def summarize(trials: Sequence[StartTrial], seed: int = 0) -> list[StartSummary]:
+def summarize(trials: Sequence[StartTrial]) -> list[StartSummary]:
     """For each hint: each category, then all together."""
     rows = []
     for hint in [hint for hint in HINTS if any(trial.hint == hint for trial in trials)]:
         told = [trial for trial in trials if trial.hint == hint]
         for category in sorted({trial.category for trial in told}):
             part = [trial for trial in told if trial.category == category]
-            rows.append(_summary(category, hint, part, seed))
-        rows.append(_summary("all", hint, told, seed))
+            rows.append(_summary(category, hint, part))
+        rows.append(_summary("all", hint, told))
     return rows
 
 
-def _summary(category: str, hint: str, trials: Sequence[StartTrial], seed: int) -> StartSummary:
-    hits = {
-        name: 100.0 * np.array([trial.is_within(name) for trial in trials], float)
+def wilson_interval(share: float, count: int) -> tuple[float, float]:
+    """95 % interval of a share [%] seen in `count` independent trials (Wilson, 1927)."""
+    z, p = 1.959964, share / 100.0
+    middle = (p + z**2 / (2 * count)) / (1 + z**2 / count)
+    reach = z / (1 + z**2 / count) * np.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))
+    return float(100 * max(middle - reach, 0.0)), float(100 * min(middle + reach, 1.0))
+
+
+def _summary(category: str, hint: str, trials: Sequence[StartTrial]) -> StartSummary:
+    recordings = len({trial.sequence for trial in trials})
+    share = {
+        name: 100.0 * float(np.mean([trial.is_within(name) for trial in trials]))
         for name in THRESHOLDS
     }
-
-    def share(rows: np.ndarray) -> Row:
-        return {name: float(values[rows].mean()) for name, values in hits.items()}
-
-    sequences = [trial.sequence for trial in trials]
     posed = [trial for trial in trials if np.isfinite(trial.rotation_deg)]
     median = {
         name: float(np.median([getattr(trial, name) for trial in posed])) if posed else np.nan
         for name in ("rotation_deg", "translation_cm", "seconds")
     }
-    return StartSummary(
-        category,
-        hint,
-        len(trials),
-        len(set(sequences)),
-        share(np.arange(len(trials))),
-        bootstrap_interval(sequences, share, seed=seed),
-        median,
-    )
+    interval = {name: wilson_interval(value, recordings) for name, value in share.items()}
+    return StartSummary(category, hint, len(trials), recordings, share, interval, median)
 
 
 def _hint(case: StartCase, hint: Hint, rng: np.random.Generator) -> Callable[[], dict[str, Any]]:

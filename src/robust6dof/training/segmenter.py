@@ -90,7 +90,11 @@ def train_segmenter(
 def write_segmenter(model: Any, out: Path, size_px: tuple[int, int]) -> Path:
     """segmenter.pt and segmenter.onnx of a trained model; returns the latter."""
     out.mkdir(parents=True, exist_ok=True)
-    stored = {"categories": list(CATEGORIES), "state_dict": model.state_dict()}
+    stored = {
+        "categories": list(CATEGORIES),
+        "size_px": list(size_px),
+        "state_dict": model.state_dict(),
+    }
     torch.save(stored, out / "segmenter.pt")
     export_onnx(model, out / "segmenter.onnx", size_px)
     return out / "segmenter.onnx"

@@ -59,7 +59,7 @@ def make_mask_rcnn(classes: int, size_px: tuple[int, int] = (480, 640)) -> Any:
 
 
 def load_torchvision(path: Path) -> Weights:
-    """Open what `robust6dof train-segmenter` wrote: `categories` and `state_dict`.
+    """Open what `robust6dof train-segmenter` wrote: `categories`, `size_px` and `state_dict`.
 
     Raises:
         DataError: another kind of file.
@@ -69,7 +69,8 @@ def load_torchvision(path: Path) -> Weights:
     try:
         stored = torch.load(path, map_location="cpu", weights_only=True)
         categories = tuple(stored["categories"])
-        model = make_mask_rcnn(1 + len(categories))
+        shorter, longer = stored["size_px"]
+        model = make_mask_rcnn(1 + len(categories), (shorter, longer))
         model.load_state_dict(stored["state_dict"])
     except _UNREADABLE as error:
         raise DataError(
