@@ -35,6 +35,7 @@ _FOLDS = 5
 class Sample:
     """One recording from one start: evidence of the frames that were looked at, and their truth."""
 
+    recording: int
     evidence: Float[np.ndarray, "F E"]
     right: Bool[np.ndarray, "F"]
     unseen: int
@@ -54,7 +55,7 @@ def arrivals(count: int, start: int, rng: np.random.Generator) -> Iterator[int]:
         index += 1
 
 
-def follow(folder: Path, start: int) -> Sample:
+def follow(number: int, folder: Path, start: int) -> Sample:
     """Track one recording."""
     truths, frames = read_truth_file(folder / FILE_NAME), list(read_video(folder))
     rng = np.random.default_rng([start, sum(map(ord, folder.name))])
@@ -72,7 +73,7 @@ def follow(folder: Path, start: int) -> Sample:
         else:
             evidence.append(np.append(track.memory.surface.confidence, track.memory.evidence))
             right.append(fits)
-    return Sample(np.array(evidence), np.array(right, bool), len(unseen), sum(unseen))
+    return Sample(number, np.array(evidence), np.array(right, bool), len(unseen), sum(unseen))
 
 
 def fit(evidence: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:
@@ -95,9 +96,9 @@ def cross_validated(samples: list[Sample]) -> tuple[np.ndarray, np.ndarray]:
     """Confidence of every frame from a fit without its recording, and whether it is right."""
     confidence, right = [], []
     for fold in range(_FOLDS):
-        kept = [s for i, s in enumerate(samples) if i % _FOLDS != fold]
+        kept = [s for s in samples if s.recording % _FOLDS != fold]
         weights, bias = fit(*_joined(kept))
-        for sample in samples[fold::_FOLDS]:
+        for sample in [s for s in samples if s.recording % _FOLDS == fold]:
             score = sample.evidence.reshape(-1, len(weights)) @ weights + bias
             confidence += [1.0 / (1.0 + np.exp(-score)), np.zeros(sample.unseen)]
             held = np.arange(sample.unseen) < sample.unseen_right
@@ -122,9 +123,9 @@ def main() -> None:
         if (folder / FILE_NAME).is_file()
     )
     samples = []
-    for folder in folders:
+    for number, folder in enumerate(folders):
         for start in options.starts:
-            samples.append(follow(folder, start))
+            samples.append(follow(number, folder, start))
             print(f"{folder.name} from start {start}: {len(samples[-1].right)} frames", flush=True)
     confidence, right = cross_validated(samples)
     weights, bias = fit(*_joined(samples))

@@ -50,11 +50,39 @@ def test_who_claims_on_for_six_frames_did_not_notice() -> None:
         assert count_losses(followed(visible=hidden, claimed=claimed)).noticed == noticed
 
 
+def test_a_loss_of_five_frames_is_neither_noticed_nor_overlooked() -> None:
+    counts = count_losses(followed(visible=where(120, 30, 35, 0.0, 1.0)))
+    assert (counts.losses, counts.brief, counts.noticed) == (1, 1, 0)
+    assert np.isnan(counts.row()["noticed_in_5"])
+
+
 def test_an_error_counts_from_its_third_frame_on() -> None:
     short = followed(R_err_deg=where(120, 30, 32, 30.0, 0.0))
     assert count_losses(short).losses == 0
     long = followed(T_err_cm=where(120, 30, 50, 15.0, 0.0))
     np.testing.assert_array_equal(np.flatnonzero(long.lost), np.arange(32, 50))
+
+
+def test_no_number_is_an_error() -> None:
+    assert count_losses(followed(T_err_cm=np.full(120, np.nan))).losses == 1
+
+
+def test_an_error_in_view_is_a_slip_and_no_return() -> None:
+    for end, mended in ((50, 1), (90, 0)):
+        counts = count_losses(followed(R_err_deg=where(120, 30, end, 40.0, 0.0)))
+        assert (counts.slips, counts.mended, counts.returns) == (1, mended, 0)
+
+
+def test_one_lucky_frame_neither_ends_a_loss_nor_restarts_its_clock() -> None:
+    wrong = where(120, 20, 80, 90.0, 0.0)
+    wrong[50] = 0.0
+    counts = count_losses(followed(visible=where(120, 20, 40, 0.0, 1.0), R_err_deg=wrong))
+    assert (counts.losses, counts.returns, counts.found) == (1, 1, 1), "right once within a second"
+    wrong[50] = 90.0
+    visible = where(120, 20, 40, 0.0, 1.0)
+    visible[55] = 0.49
+    counts = count_losses(followed(visible=visible, R_err_deg=wrong))
+    assert (counts.returns, counts.found) == (1, 0), "the flicker starts no new second"
 
 
 def test_a_pose_found_too_late_or_not_claimed_is_not_found() -> None:
@@ -72,15 +100,22 @@ def test_a_return_of_less_than_half_a_second_is_not_judged() -> None:
         assert count_losses(followed(frames, visible=hidden)).returns == returns
 
 
-def test_alarms_are_counted_once_each() -> None:
+def test_alarms_are_counted_once_each_and_silence_by_the_frame() -> None:
     claimed = np.ones(120, bool)
-    claimed[[50, 51, 80]] = False
-    assert count_losses(followed(claimed=claimed)).false_alarms == 2
+    claimed[[0, 50, 51, 80]] = False
+    counts = count_losses(followed(claimed=claimed))
+    assert (counts.false_alarms, counts.silent_frames) == (3, 4)
+
+
+def test_who_never_claims_anything_is_seen_to_be_silent() -> None:
+    row = count_losses(followed(claimed=np.zeros(120, bool))).row()
+    assert row["silent"] == pytest.approx(100.0)
 
 
 def test_counts_add_up_to_shares() -> None:
     row = (
-        LossCounts(losses=3, noticed=2, good_frames=500, false_alarms=1) + LossCounts(1, 1)
+        LossCounts(losses=3, noticed=2, good_frames=500, false_alarms=1)
+        + LossCounts(losses=1, noticed=1)
     ).row()
     assert row["noticed_in_5"] == pytest.approx(75.0)
     assert row["alarms_per_1000"] == pytest.approx(2.0)
@@ -98,7 +133,6 @@ def test_a_calibrated_confidence_has_no_error_and_an_overconfident_one_has() -> 
     right = rng.uniform(size=60_000) < confidence
     assert reliability(confidence, right).expected_error < 0.01
     always = reliability(np.full(1000, 0.9), np.arange(1000) < 500)
-    # Mean gap over the bins of |0.9 - share|: half of them 0.9, half 0.1.
-    assert always.expected_error == pytest.approx(0.5, abs=0.02)
+    assert always.expected_error == pytest.approx(0.4)
     assert len(always.count) == 15
     assert always.count.sum() == 1000

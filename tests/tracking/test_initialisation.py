@@ -80,3 +80,11 @@ def test_impossible_hints_are_refused() -> None:
     few[y[:5], x[:5]] = True
     with pytest.raises(InputError, match="fewer than 30"):
         find_initial_pose(frame, "can", mask=few)
+
+
+def test_a_mask_of_another_size_is_refused_beside_a_pose_as_well() -> None:
+    black = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    frame = RgbdFrame(black, np.ones((HEIGHT, WIDTH), np.float32), K)
+    mask = np.ones((24, 32), bool)
+    with pytest.raises(InputError, match=f"the mask is 32×24 but the frame is {WIDTH}×{HEIGHT}"):
+        find_initial_pose(frame, "mug", mask=mask, T_cam_obj=np.eye(4), extents=np.ones(3))

@@ -30,13 +30,14 @@ def reliability(
 ) -> Reliability:
     """Over `bins` bins that hold equally many frames, from the least to the most confident.
 
-    Frames of one confidence may fall into two bins: their order among themselves is that of `right`
-    last, which can only add to the error.
+    Frames of one confidence may fall into several bins: each counts as right by their common share.
     """
-    order = np.lexsort((right, confidence))
+    _, tie = np.unique(confidence, return_inverse=True)
+    shares = np.bincount(tie, weights=right) / np.bincount(tie)
+    order = np.argsort(confidence, kind="stable")
     parts = [part for part in np.array_split(order, bins) if len(part)]
     return Reliability(
         np.array([confidence[part].mean() for part in parts]),
-        np.array([right[part].mean() for part in parts]),
+        np.array([shares[tie[part]].mean() for part in parts]),
         np.array([float(len(part)) for part in parts]),
     )

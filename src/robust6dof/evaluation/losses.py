@@ -1,8 +1,9 @@
 """How a tracker loses an object, whether it notices, and whether it finds it again.
 
-One recording at a time; the first frame, in which the tracker was told, is left out. A frame is
-*lost* where under 5 % of the object are visible, or where the error has been over 20° or 10 cm for
-three frames. A *loss* is a run of lost frames; gaps of under three frames do not end it.
+One recording at a time; the first frame, in which the tracker was told, is left out. The object is
+*lost* while under 5 % of it are visible, and where the error is over 20° or 10 cm for three frames
+or more, from the third on; gaps of under three frames do not end a loss. It *returns* when half of
+it is visible again after under 5 % were, and stays so for half a second.
 """
 
 from __future__ import annotations
@@ -61,15 +62,35 @@ class FollowedFrames:
 
     @property
     def wrong(self) -> Bool[np.ndarray, "F"]:
-        """Over 20° or 10 cm off."""
-        return (self.R_err_deg > 20.0) | (self.T_err_cm > 10.0)
+        """Over 20° or 10 cm off, or no number at all."""
+        return ~((self.R_err_deg <= 20.0) & (self.T_err_cm <= 10.0))
+
+    @property
+    def hidden(self) -> Bool[np.ndarray, "F"]:
+        """Under 5 % visible."""
+        return self.visible < 0.05
+
+    @property
+    def losses(self) -> list[tuple[int, int]]:
+        """Begin and end (exclusive) of each."""
+        away = self.hidden.copy()
+        for start, end in runs(self.wrong):
+            if end - start >= _PATIENCE:
+                away[start:end] = True
+        return [self._noticeable(start, end) for start, end in runs(_bridged(away))]
+
+    def _noticeable(self, start: int, end: int) -> tuple[int, int]:
+        """An error is a loss from its third frame on, a hidden object at once."""
+        hidden = np.flatnonzero(self.hidden[start:end])
+        first = int(hidden[0]) if len(hidden) else end - start
+        return start + min(first, _PATIENCE - 1), end
 
     @property
     def lost(self) -> Bool[np.ndarray, "F"]:
-        """See the module."""
-        lost = self.visible < 0.05
-        for start, end in runs(self.wrong):
-            lost[start + _PATIENCE - 1 : end] = True
+        """Within a loss."""
+        lost = np.zeros(len(self.stamps), bool)
+        for start, end in self.losses:
+            lost[start:end] = True
         return lost
 
     @property
@@ -88,18 +109,25 @@ class LossCounts:
     """Sums over recordings."""
 
     losses: int = 0
+    brief: int = 0
+    """Over within five frames, in which there is no saying whether they were noticed."""
     noticed: int = 0
-    """Within five frames the tracker no longer says TRACKING, or the loss is over."""
+    """Of the others: within five frames the tracker no longer says TRACKING."""
     returns: int = 0
-    """Losses after which the object is at least half visible for half a second."""
     found: int = 0
     """Of these, the pose is within 20° and 10 cm, and not called lost, within the first second, and
     before the object is hidden again."""
+    slips: int = 0
+    """Losses without anything hidden: errors."""
+    mended: int = 0
+    """Of these, the pose is right again, as above, within a second."""
     wrong_locks: int = 0
     """Runs of three frames or more that say TRACKING, while wrong or unseen."""
     good_frames: int = 0
+    silent_frames: int = 0
+    """Good frames on which the tracker does not say TRACKING."""
     false_alarms: int = 0
-    """Times that the tracker stops saying TRACKING on a good frame."""
+    """Runs of these."""
 
     def __add__(self, other: LossCounts) -> LossCounts:
         return LossCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -108,33 +136,37 @@ class LossCounts:
         """As the shares that are reported [%]."""
         return {
             "losses": float(self.losses),
-            "noticed_in_5": _percent(self.noticed, self.losses),
+            "noticed_in_5": _percent(self.noticed, self.losses - self.brief),
             "returns": float(self.returns),
             "found_in_1s": _percent(self.found, self.returns),
+            "slips": float(self.slips),
+            "mended_in_1s": _percent(self.mended, self.slips),
             "wrong_locks_per_loss": _percent(self.wrong_locks, self.losses),
             "good_frames": float(self.good_frames),
+            "silent": _percent(self.silent_frames, self.good_frames),
             "alarms_per_1000": 10.0 * _percent(self.false_alarms, self.good_frames),
         }
 
 
 def count_losses(frames: FollowedFrames) -> LossCounts:
     """Losses of one object in one recording."""
-    lost, claimed = frames.lost, frames.claimed
-    losses = _merged(runs(lost))
-    starts = [start for start, _ in losses]
-    returns = [
-        _return(frames, start, until) for start, until in itertools.pairwise([*starts, len(lost)])
-    ]
-    back = [one for one in returns if one is not None]
-    alarms = frames.good[1:] & ~claimed[1:] & claimed[:-1]
+    losses, claimed = frames.losses, frames.claimed
+    judged = [start for start, end in losses if end - start > _NOTICE_FRAMES]
+    slips = [start for start, end in losses if not frames.hidden[start:end].any()]
+    returns = _returns(frames)
+    silent = frames.good & ~claimed
     return LossCounts(
         losses=len(losses),
-        noticed=sum(_is_noticed(claimed, start, end) for start, end in losses),
-        returns=len(back),
-        found=sum(back),
-        wrong_locks=sum(end - start >= _PATIENCE for start, end in runs(claimed & lost)),
+        brief=len(losses) - len(judged),
+        noticed=sum(not claimed[start : start + _NOTICE_FRAMES + 1].all() for start in judged),
+        returns=len(returns),
+        found=sum(_is_right_soon(frames, start, end) for start, end in returns),
+        slips=len(slips),
+        mended=sum(_is_right_soon(frames, start, len(claimed)) for start in slips),
+        wrong_locks=sum(end - start >= _PATIENCE for start, end in runs(claimed & frames.lost)),
         good_frames=int(frames.good.sum()),
-        false_alarms=int(alarms.sum()),
+        silent_frames=int(silent.sum()),
+        false_alarms=len(runs(silent)),
     )
 
 
@@ -144,33 +176,29 @@ def runs(flags: Bool[np.ndarray, "F"]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _merged(losses: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    merged: list[tuple[int, int]] = []
-    for start, end in losses:
-        if merged and start - merged[-1][1] < _PATIENCE:
-            merged[-1] = (merged[-1][0], end)
-        else:
-            merged.append((start, end))
-    return merged
+def _bridged(flags: Bool[np.ndarray, "F"]) -> Bool[np.ndarray, "F"]:
+    """With the gaps of under three frames filled."""
+    filled = flags.copy()
+    for (_, end), (start, _) in itertools.pairwise(runs(flags)):
+        if start - end < _PATIENCE:
+            filled[end:start] = True
+    return filled
 
 
-def _is_noticed(claimed: np.ndarray, start: int, end: int) -> bool:
-    if end - start <= _NOTICE_FRAMES and end < len(claimed):
-        return True
-    return not claimed[start : start + _NOTICE_FRAMES + 1].all()
+def _returns(frames: FollowedFrames) -> list[tuple[int, int]]:
+    """The stretches in which the object is in view again."""
+    seen, found = runs(_bridged(frames.visible >= 0.5)), []
+    for number, (start, end) in enumerate(seen):
+        before = seen[number - 1][1] if number else 0
+        lasts = frames.stamps[end - 1] - frames.stamps[start] >= _LEAST_RETURN_S
+        if lasts and frames.hidden[before:start].any():
+            found.append((start, end))
+    return found
 
 
-def _return(frames: FollowedFrames, start: int, until: int) -> bool | None:
-    """Whether the object is found again; None where it does not come back for long enough."""
-    seen = frames.visible >= 0.5
-    for begin, end in runs(seen[start:until]):
-        first, last = start + begin, start + end - 1
-        if frames.stamps[last] - frames.stamps[first] < _LEAST_RETURN_S:
-            continue
-        soon = frames.stamps[first : last + 1] <= frames.stamps[first] + _FIND_S
-        right = ~frames.wrong[first : last + 1] & ~frames.called_lost[first : last + 1]
-        return bool((soon & right).any())
-    return None
+def _is_right_soon(frames: FollowedFrames, start: int, end: int) -> bool:
+    soon = frames.stamps[start:end] <= frames.stamps[start] + _FIND_S
+    return bool((soon & ~frames.wrong[start:end] & ~frames.called_lost[start:end]).any())
 
 
 def _percent(part: int, whole: int) -> float:

@@ -23,15 +23,20 @@ _LOSS_COLUMNS = (
     "noticed_in_5",
     "returns",
     "found_in_1s",
+    "slips",
+    "mended_in_1s",
     "wrong_locks_per_loss",
     "good_frames",
+    "silent",
     "alarms_per_1000",
 )
 _LOSS_NOTE = (
     "a loss: over 20° or 10 cm for 3 frames, or under 5 % visible; noticed: no longer TRACKING "
-    "within 5 frames; a return: half visible for half a second; found: within 20° and 10 cm, not "
-    "LOST, within 1 s of it and before it is hidden again; a wrong lock: TRACKING for 3 frames of "
-    "a loss; a good frame: within 10° and 5 cm, half visible"
+    "within 5 frames, of those that last longer; a return: half visible again for half a second; "
+    "found: within 20° and 10 cm, not LOST, within 1 s of it; a slip: a loss in full view, mended "
+    "as a return is found; a wrong lock: TRACKING for 3 frames of a loss; a good frame: within 10° "
+    "and 5 cm, half visible; silent: good frames that are not called TRACKING [%]; an alarm: a run "
+    "of those"
 )
 _DRIFT_PARTS = 20
 

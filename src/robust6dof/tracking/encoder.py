@@ -42,7 +42,9 @@ def encode_together(net: Robust6DofNet, requests: Sequence[ViewRequest]) -> list
         PriorFeatures.cat([request.prior for request in requests]),
         ViewFeatures.cat(past) if past else None,
     )
-    return [features[i : i + 1] for i in range(len(requests))]
+    if len(requests) == 1:
+        return [features]
+    return [ViewFeatures.cat([features[i : i + 1]]) for i in range(len(requests))]
 
 
 class ViewEncoder:

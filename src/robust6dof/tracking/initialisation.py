@@ -30,6 +30,7 @@ from robust6dof.tracking.segmentation import (
     GivenMask,
     Segment,
     Segmenter,
+    check_mask_size,
     connected_pieces,
     propagated_mask,
     segment_box,
@@ -72,6 +73,8 @@ def find_initial_pose(
             on the object, nothing found, extents that are not positive.
     """
     config = config or InitialisationConfig()
+    if mask is not None:
+        check_mask_size(mask, frame)
     extents = known_extents(category) if extents is None else _check_extents(extents)
     if T_cam_obj is not None:
         T_cam_obj = check_transform(T_cam_obj, "T_cam_obj")

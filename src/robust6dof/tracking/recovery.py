@@ -24,6 +24,10 @@ class RecoveryConfig:
 
     guesses_per_frame: int = 3
     """Tried on each frame; the next frame goes on with the next ones."""
+    turns: int = 8
+    """About the up axis, evenly spread, of an object with a front."""
+    turn_odds: float = 0.15
+    """A piece is tried in its next turn before another one that is less likely by this."""
     passes: int = 2
     """Looks of the network from each guess."""
     size_ratio: tuple[float, float] = (0.35, 1.5)
@@ -49,7 +53,7 @@ def poses_to_try(
     """Guesses of `T_cam_obj`, the pieces nearest in size and colour first.
 
     On each piece: the last orientation, its up axis turned to the normal of the plane that the
-    piece stands on; and for objects with a front the quarter turns from there.
+    piece stands on; and for objects with a front the turns from there.
 
     Args:
         frame: the image.
@@ -68,16 +72,23 @@ def poses_to_try(
             unlike = float(np.abs(frame.rgb[segment.mask].mean(axis=0) - color).mean()) / 255.0
             odds = abs(np.log(ratio / 0.8)) + np.nan_to_num(unlike) / config.same_color
             sized.append((odds, segment, (low + high) / 2))
-    turns = [0] if symmetric else [0, 180, 90, 270]
-    ranked = sorted(sized, key=lambda one: one[0])
+    tries = [
+        (odds + config.turn_odds * number, segment, centre, turn)
+        for odds, segment, centre in sized
+        for number, turn in enumerate(_turns_deg(1 if symmetric else config.turns))
+    ]
     return [
         make_transform(_upright(T_cam_last[:3, :3], segment, turn), centre)
-        for turn in turns
-        for _, segment, centre in ranked
+        for _, segment, centre, turn in sorted(tries, key=lambda one: one[0])
     ]
 
 
-def confirmed_poses(
+def _turns_deg(count: int) -> list[float]:
+    """Evenly spread: none first, then the small ones to both sides."""
+    return sorted((360.0 * i / count for i in range(count)), key=lambda turn: min(turn, 360 - turn))
+
+
+def seen_poses(
     encoder: ViewEncoder,
     frame: RgbdFrame,
     guesses: Sequence[Float[np.ndarray, "4 4"]],
@@ -95,8 +106,8 @@ def confirmed_poses(
         number: of the frame.
         config: how many.
     """
-    count, scale = config.guesses_per_frame, float(np.linalg.norm(extents))
-    turn = [guesses[(number * count + i) % len(guesses)] for i in range(count) if guesses]
+    count, scale = min(config.guesses_per_frame, len(guesses)), float(np.linalg.norm(extents))
+    turn = [guesses[(number * count + i) % len(guesses)] for i in range(count)]
     found = []
     for T_cam_obj in turn:
         seen = 0.0

@@ -15,7 +15,7 @@ from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.joint_pose import solve_joint_pose
 from robust6dof.tracking.look import Look
 from robust6dof.tracking.motion import Motion
-from robust6dof.tracking.recovery import confirmed_poses, is_same_pose, poses_to_try
+from robust6dof.tracking.recovery import is_same_pose, poses_to_try, seen_poses
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.tracker_config import TrackerConfig
 from robust6dof.tracking.tracker_memory import TrackerMemory
@@ -56,16 +56,23 @@ class Rescue:
         believed = [one for one in looks if self._is_confirmed(one, memory)]
         if not lost:
             believed.append(look)
-        if believed:
-            return max(believed, key=lambda one: one.surface.confidence)
-        return Look(self._held(look.surface, memory), None)
+        if not believed:
+            return Look(self._held(look.surface, memory), None)
+        best = max(believed, key=lambda one: one.surface.confidence)
+        return replace(best, surface=self._on_probation(best.surface)) if lost else best
+
+    def _on_probation(self, surface: Track) -> Track:
+        memory = surface.memory.on_probation(True, 0.0, self._config.surface)
+        return replace(surface, memory=memory)
 
     def _held(self, surface: Track, memory: TrackerMemory) -> Track:
-        """Where the object was, unless the registration itself holds or carries it."""
+        """Where the object was, unless the registration itself holds or carries it; nothing of a
+        refused registration stays."""
         if surface.confidence < self._config.surface.states.lost:
             return surface
-        rested = replace(surface.memory, motion=Motion.at_rest())
-        return replace(surface, T_cam_obj=memory.surface.T_cam_obj, memory=rested)
+        before = memory.surface
+        rested = replace(before.memory, motion=Motion.at_rest())
+        return replace(before, confidence=0.0, stamp=surface.stamp, memory=rested)
 
     def _proposals(
         self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
@@ -79,10 +86,11 @@ class Rescue:
         if lost:
             scale, recovery = memory.canonical.scale, self._config.recovery
             color = memory.surface.memory.surface.mean_color
+            T_cam_last = memory.T_cam_obj(memory.surface)
             guesses = poses_to_try(
-                frame, T_cam_pred, scale, color, self._encoder.symmetric, recovery
+                frame, T_cam_last, scale, color, self._encoder.symmetric, recovery
             )
-            proposals += confirmed_poses(
+            proposals += seen_poses(
                 self._encoder, frame, guesses, memory.extents, memory.frames, recovery
             )
         return proposals
@@ -116,7 +124,7 @@ class Rescue:
         T_cam_model = T_cam_obj @ invert_transform(memory.canonical.T_model_obj)
         rested = replace(memory.surface.memory, motion=Motion.at_rest())
         return self._surface.step(
-            replace(memory.surface, T_cam_obj=T_cam_model, memory=rested), frame
+            replace(memory.surface, T_cam_obj=T_cam_model, memory=rested), frame, learn=False
         )
 
     def _is_confirmed(self, look: Look, memory: TrackerMemory) -> bool:

@@ -48,11 +48,7 @@ class GivenMask:
         Raises:
             InputError: of another size than the frame, empty, or without valid depth.
         """
-        if self.mask.shape != frame.depth.shape:
-            raise InputError(
-                f"the mask is {self.mask.shape[1]}×{self.mask.shape[0]} but the frame is "
-                f"{frame.width}×{frame.height}; draw it on the frame itself"
-            )
+        check_mask_size(self.mask, frame)
         if not self.mask.any():
             raise InputError("the mask is empty; mark the object's pixels in the first frame")
         if not (self.mask & valid_depth(frame)).any():
@@ -61,6 +57,15 @@ class GivenMask:
                 "sees the object"
             )
         return [Segment(self.mask)]
+
+
+def check_mask_size(mask: Bool[np.ndarray, "..."], frame: RgbdFrame) -> None:
+    """Raise an InputError where the mask has another size than the frame."""
+    if mask.shape != frame.depth.shape:
+        raise InputError(
+            f"the mask is {mask.shape[1]}×{mask.shape[0]} but the frame is "
+            f"{frame.width}×{frame.height}; draw it on the frame itself"
+        )
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,9 @@ class Tracker:
         T_cam_obj = initial.T_cam_obj @ canonical.T_model_obj
         canonical = canonical.rebased()
         extents = shape * canonical.scale
-        surface = self._surface.start(frame, T_cam_obj=T_cam_obj, extents=extents)
+        surface = self._surface.start(
+            frame, mask=initial.mask, T_cam_obj=T_cam_obj, extents=extents
+        )
         features = self._encoder.first(frame, T_cam_obj, extents)
         sight = Sight(features, self._encoder.anchor(features, 0))
         symmetric = self._encoder.symmetric
@@ -153,7 +155,7 @@ class Tracker:
         seconds = seconds_between(track.stamp, frame.stamp)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
         due = memory.frames % self.config.look_every == 0 or track.state is not TrackState.TRACKING
-        learn = self.config.look_every == 1 or not due
+        learn = track.state is TrackState.TRACKING and (self.config.look_every == 1 or not due)
         surface = self._surface.step(memory.surface, frame, learn=learn)
         if not due and surface.confidence >= self.config.surface_trust:
             return BegunStep(track, memory, surface, looks=False)
@@ -206,7 +208,8 @@ class Tracker:
     def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
         if evidence is None:
             return 0.0
-        return self.config.confidence(np.append(surface.confidence, evidence))
+        confidence = self.config.confidence(np.append(surface.confidence, evidence))
+        return min(confidence, self.config.surface_share * surface.confidence)
 
     def _updated(
         self,

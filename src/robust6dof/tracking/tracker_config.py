@@ -27,6 +27,9 @@ class TrackerConfig:
     pose: JointPoseConfig = field(default_factory=JointPoseConfig)
     """Of the poses that the network alone proposes."""
     confidence: ConfidenceModel = TRACK_CONFIDENCE
+    surface_share: float = 4.0
+    """The confidence is at most so many times that of the registration: a network that says what it
+    was told is no witness."""
     states: StateRules = field(default_factory=StateRules)
     given_doubt: Doubt = ROUGH_START
     """In a start pose that was given; `EXACT_START` where it is known to be true."""
