@@ -136,3 +136,11 @@ def test_a_calibrated_confidence_has_no_error_and_an_overconfident_one_has() -> 
     assert always.expected_error == pytest.approx(0.4)
     assert len(always.count) == 15
     assert always.count.sum() == 1000
+
+
+def test_the_frames_about_a_loss_raise_no_alarm_but_are_silent() -> None:
+    hidden = where(120, 30, 60, 0.0, 1.0)
+    silent = where(120, 28, 62, 1.0, 0.0).astype(bool)
+    silent[100] = True
+    counts = count_losses(followed(visible=hidden, claimed=~silent))
+    assert (counts.false_alarms, counts.silent_frames) == (1, 5)

@@ -127,7 +127,8 @@ class LossCounts:
     silent_frames: int = 0
     """Good frames on which the tracker does not say TRACKING."""
     false_alarms: int = 0
-    """Runs of these."""
+    """Runs of these, but for those that lead into a loss by three frames or less, and the second
+    after one, in which the object may be found again."""
 
     def __add__(self, other: LossCounts) -> LossCounts:
         return LossCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -166,7 +167,7 @@ def count_losses(frames: FollowedFrames) -> LossCounts:
         wrong_locks=sum(end - start >= _PATIENCE for start, end in runs(claimed & frames.lost)),
         good_frames=int(frames.good.sum()),
         silent_frames=int(silent.sum()),
-        false_alarms=len(runs(silent)),
+        false_alarms=len(runs(silent & ~_about_losses(frames, losses))),
     )
 
 
@@ -194,6 +195,16 @@ def _returns(frames: FollowedFrames) -> list[tuple[int, int]]:
         if lasts and frames.hidden[before:start].any():
             found.append((start, end))
     return found
+
+
+def _about_losses(frames: FollowedFrames, losses: list[tuple[int, int]]) -> Bool[np.ndarray, "F"]:
+    """Within a loss, three frames before it, or the second after it."""
+    about = np.zeros(len(frames.stamps), bool)
+    for start, end in losses:
+        over = frames.stamps[min(end, len(about) - 1)] + _FIND_S
+        about[max(start - _PATIENCE, 0) : end] = True
+        about[end:] |= frames.stamps[end:] <= over
+    return about
 
 
 def _is_right_soon(frames: FollowedFrames, start: int, end: int) -> bool:

@@ -36,7 +36,7 @@ _LOSS_NOTE = (
     "found: within 20° and 10 cm, not LOST, within 1 s of it; a slip: a loss in full view, mended "
     "as a return is found; a wrong lock: TRACKING for 3 frames of a loss; a good frame: within 10° "
     "and 5 cm, half visible; silent: good frames that are not called TRACKING [%]; an alarm: a run "
-    "of those"
+    "of those that neither leads into a loss nor falls into the second after one"
 )
 _DRIFT_PARTS = 20
 
