@@ -111,5 +111,5 @@ DIFFICULTIES: dict[str, Difficulty] = {
         drop_share=0.02,
     ),
 }
-"""By name; `leaving` is `agile` with the object out of view again and again, and its like beside it:
-to count losses and how they end."""
+"""By name; `leaving` is `agile` with the object out of view again and again, its like beside it: to
+count losses and how they end."""
