@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from robust6dof.data.inspection import inspect_folder
-from robust6dof.data.other_folders import other_contents
+from robust6dof.data.other_folders import loose_images, other_contents
 from shared_data import shared_data
 
 
@@ -71,10 +71,11 @@ def test_clouds_and_loose_images_are_counted(tmp_path):
     np.save(tmp_path / "nocs.npy", rng.random((2, 500, 3)) * 0.57)
     cv2.imwrite(str(tmp_path / "x" / "d.png"), np.full((8, 8), 700, np.uint16))
     cv2.imwrite(str(tmp_path / "x" / "c.png"), np.full((8, 8, 3), 70, np.uint8))
-    clouds, normalised, images = (text for sound, text in other_contents(tmp_path) if sound)
+    clouds, normalised = (text for sound, text in other_contents(tmp_path) if sound)
+    images = loose_images(tmp_path)
     assert "clouds.npz: 2 clouds of 200 points" in clouds
     assert "nocs.npy: 2 clouds of 500 points, normalised: diagonals 0.9" in normalised
-    assert images.startswith("1 depth and 1 colour images in no layout")
+    assert images.startswith("1 depth and 1 colour images,")
     assert "0.70 to 0.70 m away if in millimetres" in images
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool
 from robust6dof.data.calibration import fit_intrinsics
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
 from robust6dof.data.depth_unit import check_depth_unit
-from robust6dof.data.other_folders import other_contents
+from robust6dof.data.other_folders import loose_images, other_contents
 from robust6dof.data.pose_check import pose_problem
 from robust6dof.data.recognition import open_dataset, recognise
 from robust6dof.data.recordings import RecordingSequence
@@ -104,6 +104,9 @@ def _judge_other_folder(inspection: Inspection, error: DataError) -> None:
         inspection.add("note", f"{path.name}: no recording or data set of images, but it holds")
     else:
         inspection.add("problem", str(error))
+        loose = loose_images(path) if path.is_dir() else ""
+        if loose:
+            inspection.add("note", loose)
     for sound, text in contents:
         inspection.add("ok" if sound else "problem", text)
     for text in _what_is_there(path):

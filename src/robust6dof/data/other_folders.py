@@ -26,7 +26,7 @@ def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
     Nothing where there is nothing that this package reads.
     """
     judges = (_trajectories, _pose_packs, _model_points, _keyframes, _robots, _meshes, _clouds)
-    for judge in (*judges, _loose_images):
+    for judge in judges:
         try:
             yield from judge(path)
         except DataError as error:
@@ -162,19 +162,18 @@ def _points_of(array: np.ndarray) -> list[np.ndarray]:
     return list(array.reshape(-1, *array.shape[-2:]))
 
 
-def _loose_images(path: Path) -> Iterator[tuple[bool, str]]:
-    """Colour and depth images in no layout; nothing where there is no depth image among them."""
+def loose_images(path: Path) -> str:
+    """What colour and depth images there are; empty where there is no depth image among them."""
     images = [_image_kind(file) for file in sorted(path.glob("**/*.png"))]
     depths = [one for one in images if one.dtype == np.uint16 and one.ndim == 2]
     if not depths:
-        return
+        return ""
     colours = sum(one.dtype == np.uint8 and one.ndim == 3 for one in images)
     middle = [float(np.median(one[one > 0])) / 1000 for one in depths if one.any()]
     seen = f", {min(middle):.2f} to {max(middle):.2f} m away if in millimetres" if middle else ""
-    yield (
-        True,
-        f"{len(depths)} depth and {colours} colour images in no layout that is known{seen}: to "
-        "track in them, put them into rgb/ and depth/ beside cam_K.txt",
+    return (
+        f"{len(depths)} depth and {colours} colour images{seen}: to track in them, put them into "
+        "rgb/ and depth/ beside cam_K.txt"
     )
 
 
