@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -49,7 +49,7 @@ class Difficulty:
 
 _RAD = np.pi / 180.0
 
-DIFFICULTIES: dict[str, Difficulty] = {
+_BENCHMARK: dict[str, Difficulty] = {
     "calm": Difficulty(
         name="calm",
         swing=8 * _RAD,
@@ -95,21 +95,11 @@ DIFFICULTIES: dict[str, Difficulty] = {
         leave_period=4.0,
         drop_share=0.08,
     ),
-    "leaving": Difficulty(
-        name="leaving",
-        swing=20 * _RAD,
-        swing_rate=70 * _RAD,
-        orbit_rate=35 * _RAD,
-        radial_speed=0.25,
-        burst_period=2.0,
-        target_speed=0.2,
-        moving_share=0.4,
-        clutter=(2, 5),
-        distractors=(1, 2),
-        occlusion_period=6.0,
-        leave_period=0.4,
-        drop_share=0.02,
-    ),
+}
+
+DIFFICULTIES: dict[str, Difficulty] = {
+    **_BENCHMARK,
+    "leaving": replace(_BENCHMARK["agile"], name="leaving", distractors=(1, 2), leave_period=0.4),
 }
 """By name; `leaving` is `agile` with the object out of view again and again, its like beside it: to
 count losses and how they end."""
