@@ -47,6 +47,11 @@ def encode_together(net: Robust6DofNet, requests: Sequence[ViewRequest]) -> list
     return [ViewFeatures.cat([features[i : i + 1]]) for i in range(len(requests))]
 
 
+def encode_alone(net: Robust6DofNet, request: ViewRequest | None) -> ViewFeatures | None:
+    """The features of one request; None without one."""
+    return None if request is None else encode_together(net, [request])[0]
+
+
 class ViewEncoder:
     """The network with a category's prior encoded once.
 
@@ -108,7 +113,7 @@ class ViewEncoder:
     ) -> ViewFeatures | None:
         """The features of one such `request`."""
         request = self.request(frame, T_cam_pred, extents, previous, number)
-        return None if request is None else encode_together(self.net, [request])[0]
+        return encode_alone(self.net, request)
 
     def anchor(self, features: ViewFeatures, number: int) -> AbsoluteFit:
         """The absolute pose that one view's canonical coordinates give."""

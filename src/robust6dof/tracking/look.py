@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from robust6dof.frames import RgbdFrame, Track
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
-from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_together
+from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_alone
 from robust6dof.tracking.tracker_memory import TrackerMemory
 
 
@@ -35,8 +35,7 @@ class Look:
     ) -> Look:
         """Look at `frame` from `surface`; `memory` holds the last view and the object's frame."""
         request = look_request(encoder, frame, surface, memory)
-        answer = encode_together(encoder.net, [] if request is None else [request])
-        return cls.answered(encoder, surface, memory, answer[0] if answer else None)
+        return cls.answered(encoder, surface, memory, encode_alone(encoder.net, request))
 
     @classmethod
     def answered(

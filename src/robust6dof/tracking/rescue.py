@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from robust6dof.frames import RgbdFrame, Track, TrackState
+from robust6dof.frames import RgbdFrame, Track
 from robust6dof.geometry.transforms import invert_transform
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.tracking.encoder import ViewEncoder
@@ -35,15 +35,12 @@ class Rescue:
         self._surface = surface
         self._config = config
 
-    def try_again(
-        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, state: TrackState
-    ) -> Look:
+    def try_again(self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool) -> Look:
         """The look that fits best, among `look` and those that the network confirms.
 
         Once the object is lost only what registration and network both confirm counts; without
         any such the sight is None.
         """
-        lost = state is TrackState.LOST and self._config.recover
         trust = self._config.recovery.trust if lost else self._config.surface_trust
         tried = [
             self._registered_from(T, frame, memory)

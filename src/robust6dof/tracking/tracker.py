@@ -22,7 +22,7 @@ from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
 from robust6dof.tracking.canonical_frame import CanonicalFrame
 from robust6dof.tracking.confidence import look_evidence
-from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_together
+from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_alone
 from robust6dof.tracking.first_look import look_around
 from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
@@ -145,9 +145,7 @@ class Tracker:
     def step(self, track: Track, frame: RgbdFrame) -> Track:
         """Follow the object to `frame`; never raises on a bad image."""
         begun = self.begin(track, frame)
-        requests = [] if begun.request is None else [begun.request]
-        answers = encode_together(self.net, requests)
-        return self.finish(begun, frame, answers[0] if answers else None)
+        return self.finish(begun, frame, encode_alone(self.net, begun.request))
 
     def begin(self, track: Track, frame: RgbdFrame) -> BegunStep:
         """The first half of `step`: register, and say what to ask of the network."""
@@ -174,7 +172,7 @@ class Tracker:
         """The registration's track after the network's look at the frame."""
         lost = track.state is TrackState.LOST and self.config.recover
         if lost or look.surface.confidence < self.config.surface_trust:
-            look = self._rescue.try_again(frame, look, memory, track.state)
+            look = self._rescue.try_again(frame, look, memory, lost)
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:
             return self._updated(track, frame, memory, None)
