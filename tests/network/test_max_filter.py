@@ -71,7 +71,7 @@ def test_gradcheck(with_offset):
 @pytest.mark.parametrize("rows", [1, 3])
 def test_blocks_of_rows_change_nothing(monkeypatch, rows):
     query, key, value = draw((2, 7, 4), (2, 9, 4), (2, 9, 6))
-    monkeypatch.setattr(module, "_BLOCK_ELEMENTS", rows * 2 * 9)
+    monkeypatch.setattr(module, "_BLOCK_ROWS", rows)
     blocked = max_filter(query, key, value)
     torch.testing.assert_close(blocked, max_filter_literal(query, key, value))
     got = torch.autograd.grad(blocked.square().sum(), (query, key, value))

@@ -66,7 +66,9 @@ def test_shape_filter(reading):
                     for j in range(7)
                 ]
                 expected[b, i] = weight @ torch.stack(rows).sum(0) + layer.from_coordinate.bias
-    torch.testing.assert_close(layer(f_obj, similarity, prior), expected)
+    filtered, place = layer(f_obj, prior)
+    torch.testing.assert_close(filtered, expected)
+    torch.testing.assert_close(place, similarity @ prior.points)
 
 
 @torch.no_grad()
@@ -78,9 +80,7 @@ def test_switches_of_the_augmentation():
     no_ad = Augmentation(replace(CONFIG, augmentation_decoder=False))
     similarity = (CONFIG.width**-0.5 * f_obj @ prior.features.mT).softmax(-1)
     assert no_ad.shape is not None
-    torch.testing.assert_close(
-        no_ad(f_obj, f_prev, prior)[1], no_ad.shape(f_obj, similarity, prior)
-    )
+    torch.testing.assert_close(no_ad(f_obj, f_prev, prior)[1], no_ad.shape(f_obj, prior)[0])
     neither = Augmentation(replace(CONFIG, augmentation_decoder=False, shape_filter="off"))
     f_temp, f_aug, place = neither(f_obj, f_prev, prior)
     assert f_aug is f_temp

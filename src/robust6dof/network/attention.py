@@ -13,6 +13,21 @@ def attend(query: Tensor, key: Tensor, value: Tensor, scale: float | None = None
     return F.scaled_dot_product_attention(query, key, value, scale=scale)
 
 
+def weighted_sum(
+    query: Float[Tensor, "B N D"],
+    key: Float[Tensor, "B M D"],
+    value: Float[Tensor, "B M E"],
+    scale: float,
+) -> Float[Tensor, "B N E"]:
+    """Softmax(scale · q kᵀ) v for a value of any width, without the N × M matrix.
+
+    The fused attention of PyTorch asks for heads, and for one width; zeros fill up the others.
+    """
+    width = max(query.shape[-1], value.shape[-1])
+    q, k, v = (F.pad(x, (0, width - x.shape[-1]))[:, None] for x in (query, key, value))
+    return attend(q, k, v, scale)[:, 0, :, : value.shape[-1]]
+
+
 def split_heads(x: Float[Tensor, "B N D"], heads: int) -> Float[Tensor, "B h N e"]:
     """Cut the features into heads."""
     return x.unflatten(-1, (heads, -1)).transpose(1, 2)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from robust6dof.network.attention import FeedForward, MultiHead
+from robust6dof.network.attention import FeedForward, MultiHead, weighted_sum
 from robust6dof.network.config import NetworkConfig
 from robust6dof.network.fusion import PointStem
 from robust6dof.network.inputs import PriorFeatures, farthest_points, gather_rows
@@ -76,16 +77,16 @@ class ShapeFilter(nn.Module):
         self.from_coordinate = nn.Linear(3, config.width)
 
     def forward(
-        self,
-        f_obj: Float[Tensor, "B N D"],
-        similarity: Float[Tensor, "B N Nr"],
-        prior: PriorFeatures,
-    ) -> Float[Tensor, "B N D"]:
-        """F⃛; `similarity` is S̄_pr."""
+        self, f_obj: Float[Tensor, "B N D"], prior: PriorFeatures
+    ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B N 3"]]:
+        """F⃛ and S̄_pr P_r, the soft place of each point on the prior."""
         value, offset = self.from_feature(prior.features), self.from_coordinate(prior.points)
         if self.reading == "max":
-            return max_filter(f_obj, prior.features, value, offset, self.scale)
-        return similarity @ (value + offset)
+            filtered = max_filter(f_obj, prior.features, value, offset, self.scale)
+            return filtered, weighted_sum(f_obj, prior.features, prior.points, self.scale)
+        both = torch.cat([value + offset, prior.points], -1)
+        found = weighted_sum(f_obj, prior.features, both, self.scale)
+        return found[..., :-3], found[..., -3:]
 
 
 class AugmentationDecoder(nn.Module):
@@ -122,8 +123,11 @@ class Augmentation(nn.Module):
         prior: PriorFeatures,
     ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B N D"], Float[Tensor, "B N 3"]]:
         """F̃_temp, F̃_aug and the soft place of each point on the prior, S̄_pr P_r."""
-        similarity = (self.scale * f_obj @ prior.features.mT).softmax(-1)
         f_temp = self.temporal(f_obj, f_previous) if self.temporal else f_obj
-        query = self.shape(f_obj, similarity, prior) if self.shape else f_temp
+        if self.shape:
+            query, place = self.shape(f_obj, prior)
+        else:
+            query = f_temp
+            place = weighted_sum(f_obj, prior.features, prior.points, self.scale)
         f_aug = self.decoder(query, f_temp) if self.decoder else query
-        return f_temp, f_aug, similarity @ prior.points
+        return f_temp, f_aug, place

@@ -25,8 +25,8 @@ class NetworkConfig:
     """n: keypoints per frame."""
     width: int = 128
     """d: width of all point features."""
-    heads: int = 4
-    """h: heads of each multi-head attention; divides `width`."""
+    heads: int = 2
+    """h: heads of each multi-head attention; divides `width`. The paper gives no number."""
     rank: int = 64
     """k: what the low-rank attention contracts the N keys to."""
     plane_width: int = 64
@@ -113,7 +113,6 @@ PRESETS: dict[str, NetworkConfig] = {
         prior_points=256,
         keypoints=64,
         width=96,
-        heads=2,
         rank=32,
         plane_width=32,
         crop_px=96,
@@ -125,7 +124,6 @@ PRESETS: dict[str, NetworkConfig] = {
         prior_points=40,
         keypoints=16,
         width=32,
-        heads=2,
         rank=8,
         plane_width=8,
         crop_px=24,

@@ -51,19 +51,23 @@ class AssignmentHead(nn.Module):
         """M."""
         hidden = self.norm(f_obj + f_aug + self.attention(f_obj, f_temp, f_aug, context=f_temp))
         hidden = self.out_norm(hidden + self.feed_forward(hidden))
-        logits = self._queries(prior) @ hidden.mT * hidden.shape[-1] ** -0.5
-        if self.config.keypoint_source == "prior" and self.config.structure_bias:
-            # Detached: the place on the prior is taught by its own loss alone.
-            distance = _square_distance(prior.anchors, canonical.detach())
-            logits = logits - self.log_beta.exp() * distance
+        query, key = self._queries(prior) * hidden.shape[-1] ** -0.5, hidden
+        bias = hidden.new_zeros(hidden.shape[:2])
         if self.config.foreground:
-            logits = logits + F.logsigmoid(foreground.detach())[:, None]
-        return logits.softmax(-1)
+            bias = F.logsigmoid(foreground.detach())
+        if self.config.keypoint_source == "prior" and self.config.structure_bias:
+            # −β ‖c − p‖² = 2β c·p − β ‖c‖² − β ‖p‖², the last the same for a whole row.
+            # Detached: the place on the prior is taught by its own loss alone.
+            beta, place = self.log_beta.exp(), canonical.detach()
+            query = torch.cat([query, 2.0 * beta * prior.anchors], -1)
+            key = torch.cat([key, place], -1)
+            bias = bias - beta * place.square().sum(-1)
+        return torch.baddbmm(bias[:, None], query, key.mT).softmax(-1)
 
     def _queries(self, prior: PriorFeatures) -> Tensor:
         if self.config.keypoint_source == "prior":
             return self.query(prior.anchor_features)
-        return self.queries
+        return self.queries.expand(len(prior.points), -1, -1)
 
 
 class UnsupervisedKeypoints(nn.Module):
@@ -120,8 +124,13 @@ def nearest_in_planes(
     keypoints: Float[Tensor, "B K 3"], points: Float[Tensor, "B N 3"]
 ) -> list[Tensor]:
     """Index [B, K] of the point nearest to each keypoint, seen on each of the three planes."""
-    square = (keypoints[:, :, None] - points[:, None]).detach().square_().unbind(-1)
-    return [(square[a] + square[b]).argmin(-1) for a, b in _PLANES]
+    found = []
+    for plane in _PLANES:
+        k, p = keypoints.detach()[..., plane], points.detach()[..., plane]
+        # ‖p − k‖² less ‖k‖², which is the same for all points.
+        square = torch.baddbmm(p.square().sum(-1)[:, None], k, p.mT, alpha=-2.0)
+        found.append(square.argmin(-1))
+    return found
 
 
 class PointHead(nn.Module):
