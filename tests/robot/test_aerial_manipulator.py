@@ -17,6 +17,7 @@ from robust6dof.robot.aerial_manipulator import (
     AerialManipulator,
     default_aerial_manipulator,
     open_manipulator_x,
+    read_aerial_manipulator,
 )
 from robust6dof.robot.arm import Link, merge_links
 from robust6dof.robot.mjcf import read_mjcf_arm
@@ -179,6 +180,15 @@ def test_urdf_and_mjcf_give_the_same_arm(tmp_path: Path):
     assert arm.links[-1].mass == pytest.approx(0.072)
     np.testing.assert_allclose(arm.links[-1].center_of_mass, [0.055, 0, -0.025])
     np.testing.assert_allclose(np.diag(arm.links[-1].inertia), [1e-5, 2e-5, 3e-5])
+
+
+def test_ones_own_arm_is_read_from_either_format(tmp_path: Path):
+    for text in (URDF, DEFAULT_ARM.read_text()):
+        robot = read_aerial_manipulator(_write(tmp_path, text))
+        joints = np.array([0.3, -0.4, 0.5, 0.1])
+        np.testing.assert_allclose(robot.T_body_cam(joints), ROBOT.T_body_cam(joints), atol=1e-6)
+    with pytest.raises(DataError, match="URDF or MJCF"):
+        read_aerial_manipulator(_write(tmp_path, "no XML"))
 
 
 def test_masses_match_mujoco_and_pinocchio(tmp_path: Path):

@@ -157,7 +157,7 @@ def test_the_goal_is_reached_with_true_poses(category):
     config = GuidanceConfig(sensor=StereoSensorConfig.perfect())
     poses = TruePoses(episode.world.target.extents, LATENCY)
     run = run_guidance(episode, MANIPULATOR, GOAL, poses, config)
-    outcome = judge_run(7, category, run, config)
+    outcome = judge_run(7, category, run, config, MANIPULATOR.arm)
     assert outcome.reached
     assert outcome.reached_estimated
     assert outcome.time_ratio is not None

@@ -38,7 +38,7 @@ def _spoilt(trace: Trace, name: str, value: float) -> Trace:
 
 
 def test_a_good_flight_breaks_no_limit(run):
-    assert broken_limits(run.trace, CONFIG) == ()
+    assert broken_limits(run.trace, CONFIG, MANIPULATOR.arm) == ()
 
 
 @pytest.mark.parametrize(
@@ -54,13 +54,13 @@ def test_a_good_flight_breaks_no_limit(run):
     ],
 )
 def test_each_broken_limit_is_named(run, signal, value, limit):
-    assert broken_limits(_spoilt(run.trace, signal, value), CONFIG) == (limit,)
+    assert broken_limits(_spoilt(run.trace, signal, value), CONFIG, MANIPULATOR.arm) == (limit,)
 
 
 def test_coming_too_close_is_named(run):
     near = {"true_obj_x_m": 0.0, "true_obj_y_m": 0.0, "true_obj_z_m": 0.15}
     trace = Trace(tuple(row | near for row in run.trace.rows))
-    assert broken_limits(trace, CONFIG) == ("distance",)
+    assert broken_limits(trace, CONFIG, MANIPULATOR.arm) == ("distance",)
 
 
 def test_energy_is_the_integral_of_the_squared_commands(run):
@@ -77,7 +77,7 @@ def test_energy_is_the_integral_of_the_squared_commands(run):
 
 
 def test_steady_errors_are_split_into_tracking_and_control(run):
-    outcome = judge_run(3, "can", run, CONFIG)
+    outcome = judge_run(3, "can", run, CONFIG, MANIPULATOR.arm)
     assert outcome.steady_tracking_m == 0.0  # the poses are true
     late = run.trace.column("estimated_translation_error_m")[run.trace.column("time_s") > 0.5]
     assert outcome.steady_control_m == pytest.approx(np.median(late))
@@ -119,7 +119,9 @@ def test_a_moving_target_is_followed_within_four_centimetres(path):
     episode = draw_episode(scenario, EpisodeOptions(), MANIPULATOR, GOAL, 0)
     config = GuidanceConfig(PadServoConfig(law="feedforward"), time_limit=34.0)
     poses = TruePoses(episode.world.target.extents, latency=0.05)
-    outcome = judge_run(0, "any", run_guidance(episode, MANIPULATOR, GOAL, poses, config), config)
+    outcome = judge_run(
+        0, "any", run_guidance(episode, MANIPULATOR, GOAL, poses, config), config, MANIPULATOR.arm
+    )
     assert outcome.lag_m is not None
     assert outcome.lag_m < 0.04
     assert outcome.limits_broken == ()
@@ -131,4 +133,4 @@ def test_gusts_break_no_limit():
     poses = TruePoses(episode.world.target.extents, latency=0.05)
     config = GuidanceConfig(time_limit=25.0)
     run = run_guidance(episode, MANIPULATOR, GOAL, poses, config)
-    assert broken_limits(run.trace, config) == ()
+    assert broken_limits(run.trace, config, MANIPULATOR.arm) == ()

@@ -7,9 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
+from robust6dof.cli.guide_report import line_of, report
 from robust6dof.cli.options import CommonOptions
 
 if TYPE_CHECKING:
+    from robust6dof.robot.aerial_manipulator import AerialManipulator
     from robust6dof.servo.config import Law
     from robust6dof.simulation.episode import Episode
     from robust6dof.simulation.guidance import GuidanceConfig
@@ -39,6 +41,8 @@ class Options(CommonOptions):
     """What the servo is fed: a tracker's poses from the rendered images, or the simulation's."""
     tracker: str = "robust6dof"
     """Which tracker."""
+    arm: Path | None = None
+    """URDF or MJCF of one's own arm of four joints, hanging, instead of the default one."""
     standoff: float = 0.5
     """Of the goal camera from the object [m]; it looks down on it."""
     goal_tilt_deg: float = 0.0
@@ -101,13 +105,13 @@ def _campaign(options: Options) -> dict[str, Any]:
             partial(fly, options), todo, options.processes or os.cpu_count() or 1
         ):
             outcomes.append(outcome)
-            print(_line(outcome, len(outcomes), len(seeds)), flush=True)
+            print(line_of(outcome, len(outcomes), len(seeds)), flush=True)
     finally:
         campaign = sum_up(sorted(outcomes, key=lambda outcome: outcome.seed))
         if outcomes:
             text = json.dumps(settings | campaign, indent=1)
             (options.out / "campaign.json").write_text(text + "\n")
-    _report(options, campaign)
+    report(campaign, options.out)
     return campaign
 
 
@@ -115,7 +119,6 @@ def fly(options: Options, seed: int) -> Outcome:
     """One seed: fly it, write its folder, return its outcome."""
     from contextlib import ExitStack
 
-    from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
     from robust6dof.simulation.campaign import seed_folder, store
     from robust6dof.simulation.episode import EpisodeOptions
     from robust6dof.simulation.guidance import run_guidance
@@ -124,7 +127,7 @@ def fly(options: Options, seed: int) -> Outcome:
     from robust6dof.visualization.guidance_plots import plot_errors, plot_velocities
     from robust6dof.visualization.guidance_video import GuidanceVideo
 
-    manipulator, goal, config = default_aerial_manipulator(), _goal(options), _config(options)
+    manipulator, goal, config = _manipulator(options), _goal(options), _config(options)
     category = None if options.category == "any" else options.category
     drawn = EpisodeOptions(category, options.same_category_clutter)
     episode = draw_episode(_scenario(options), drawn, manipulator, goal, seed)
@@ -145,7 +148,8 @@ def fly(options: Options, seed: int) -> Outcome:
             observers.append(stack.enter_context(video))
         poses = _pose_source(options, episode)
         flown = run_guidance(episode, manipulator, goal, poses, config, observers)
-    outcome = judge_run(seed, episode.world.target.category, flown, config)
+    category = episode.world.target.category
+    outcome = judge_run(seed, category, flown, config, manipulator.arm)
     flown.trace.write(folder / "trace.csv")
     if options.plots:
         plot_velocities(flown.trace, folder / "velocities.png")
@@ -196,6 +200,22 @@ def _scenario(options: Options) -> Scenario:
     return replace(scenario, motion=options.path or scenario.motion, speed=speed)
 
 
+def _manipulator(options: Options) -> AerialManipulator:
+    from robust6dof.errors import DataError
+    from robust6dof.robot.aerial_manipulator import (
+        default_aerial_manipulator,
+        read_aerial_manipulator,
+    )
+
+    if options.arm is None:
+        return default_aerial_manipulator()
+    manipulator = read_aerial_manipulator(options.arm)
+    if len(manipulator.arm.joints) != 4:
+        problem = f"the arm has {len(manipulator.arm.joints)} joints between base and camera"
+        raise DataError(options.arm, problem, "The guidance is the paper's: it moves four")
+    return manipulator
+
+
 def _goal(options: Options) -> Any:
     from math import radians
 
@@ -211,10 +231,9 @@ def _check_reach(options: Options) -> None:
     from math import degrees
 
     from robust6dof.errors import InputError
-    from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
     from robust6dof.robot.reachability import reach_goal
 
-    reach = reach_goal(default_aerial_manipulator(), _goal(options))
+    reach = reach_goal(_manipulator(options), _goal(options))
     if not reach.reachable:
         raise InputError(
             f"the goal is out of the arm's reach: over an upright object a level vehicle stays "
@@ -252,6 +271,7 @@ def _settings(options: Options) -> dict[str, Any]:
         "latency_ms measured_delay same_category_clutter video plots"
     )
     settings = {key: getattr(options, key) for key in keys.split()}
+    settings["arm"] = None if options.arm is None else options.arm.read_text()
     settings["goal"] = None if options.goal is None else _goal(options).tolist()
     settings["tracker"] = options.tracker if options.poses == "tracker" else None
     return settings | {"version": __version__}
@@ -265,36 +285,3 @@ def _announce(options: Options) -> None:
         )
     else:
         print("poses: simulation truth (no tracker)")
-
-
-def _line(outcome: Outcome, count: int, total: int) -> str:
-    result = f"reached after {outcome.time_s:.1f} s" if outcome.reached else "not reached"
-    tracking = ""
-    if outcome.tracking_error_deg is not None and outcome.tracking_error_m is not None:
-        tracking = (
-            f"; pose error {outcome.tracking_error_deg:.1f} deg, "
-            f"{100.0 * outcome.tracking_error_m:.1f} cm"
-        )
-    lag = "" if outcome.lag_m is None else f"; lag {100.0 * outcome.lag_m:.1f} cm"
-    broken = "" if not outcome.limits_broken else f"; broke {', '.join(outcome.limits_broken)}"
-    return (
-        f"[{count}/{total}] seed {outcome.seed} ({outcome.category}): {result}; at the end "
-        f"{100.0 * outcome.final_translation_m:.1f} cm, {outcome.final_rotation_rad:.3f} rad"
-        f"{tracking}{lag}{broken}"
-    )
-
-
-def _report(options: Options, campaign: dict[str, Any]) -> None:
-    rate = campaign["success_rate"]
-    if rate is None:
-        return
-    parts = [f"{campaign['runs']} runs, {100.0 * rate:.0f} % reached the goal"]
-    for key, text in (
-        ("median_time_s", "median time {:.1f} s"),
-        ("median_time_ratio", "{:.2f} times the bound"),
-        ("worst_lag_m", "worst lag {:.3f} m"),
-    ):
-        if campaign[key] is not None:
-            parts.append(text.format(campaign[key]))
-    parts.append(f"limits broken in {len(campaign['limits_broken_seeds'])} runs")
-    print(f"{', '.join(parts)}: {options.out}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -9,10 +10,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robust6dof.errors import DataError
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot import velocity_transmission as transmission
 from robust6dof.robot.arm import Arm
 from robust6dof.robot.mjcf import read_mjcf_arm
+from robust6dof.robot.urdf import read_urdf_arm
 
 DEFAULT_ARM = files("robust6dof.robot") / "resources" / "yaw_pitch_pitch_roll.xml"
 """The default arm's description, which the simulation builds from too."""
@@ -82,10 +85,31 @@ class AerialManipulator:
 
 
 def default_aerial_manipulator() -> AerialManipulator:
-    """The default arm 6 cm below the body's origin; its camera rests looking straight down."""
+    """The default arm; its camera rests looking straight down."""
     with as_file(DEFAULT_ARM) as path:
-        arm = read_mjcf_arm(path)
-    return AerialManipulator(arm, make_transform(np.eye(3), np.array([0.0, 0.0, -0.06])))
+        return read_aerial_manipulator(path)
+
+
+def read_aerial_manipulator(path: str | Path) -> AerialManipulator:
+    """One's own arm, from URDF or MJCF, its base 6 cm below the body's origin.
+
+    The base's axes are the body's (x forward, y left, z up): the file describes an arm that hangs.
+    The camera is the URDF's link `camera_optical_frame` or the MJCF's site `camera`.
+
+    Raises:
+        DataError: neither format, or outside the subset that `read_urdf_arm` and `read_mjcf_arm`
+            read.
+    """
+    read = read_urdf_arm if _root_tag(Path(path)) == "robot" else read_mjcf_arm
+    return AerialManipulator(read(path), make_transform(np.eye(3), np.array([0.0, 0.0, -0.06])))
+
+
+def _root_tag(path: Path) -> str:
+    try:
+        return ET.parse(path).getroot().tag
+    except (OSError, ET.ParseError) as problem:
+        remedy = "Give the arm as URDF or MJCF"
+        raise DataError(path, f"not readable as XML ({problem})", remedy) from None
 
 
 def open_manipulator_x(mjcf_path: str | Path) -> AerialManipulator:

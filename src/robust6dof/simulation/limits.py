@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust6dof.robot.aerial_manipulator import default_aerial_manipulator
+from robust6dof.robot.arm import Arm
 from robust6dof.simulation.guidance import GuidanceConfig
 from robust6dof.simulation.trace import Trace
 
@@ -18,13 +18,13 @@ JOINT_SLACK = np.deg2rad(2.0)
 """A joint's stop gives way this much in MuJoCo [rad]."""
 
 
-def broken_limits(trace: Trace, config: GuidanceConfig) -> tuple[str, ...]:
+def broken_limits(trace: Trace, config: GuidanceConfig, arm: Arm) -> tuple[str, ...]:
     """Names of the limits that did not hold at some moment.
 
     Commanded: `speed`, `yaw_rate`, `joint_rate`, exactly. Flown, judged on the truth: `tilt`,
     `height`, `distance` (camera to object), `joint_range`, with the slacks stated above.
     """
-    limits, arm = config.servo.limits, default_aerial_manipulator().arm
+    limits = config.servo.limits
     joints = trace.columns(*(f"joint{i}_rad" for i in range(1, 5)))
     rates = trace.columns(*(f"joint{i}_rate_cmd_rad_s" for i in range(1, 5)))
     max_rates = np.minimum(arm.max_rates, limits.max_joint_rate)

@@ -28,6 +28,9 @@ _JOINT_DAMPING = 1.6
 _ARMATURE = 0.01
 """Reflected inertia of a geared motor [kg·m²]; without it light links make MuJoCo diverge."""
 
+_LEAST_MASS, _LEAST_INERTIA = 1e-4, 1e-7
+"""Of a link that is described without a mass [kg, kg·m²]."""
+
 
 def build_model(
     manipulator: AerialManipulator,
@@ -126,12 +129,13 @@ def _add_arm(spec: mujoco.MjSpec, base: mujoco.MjsBody, manipulator: AerialManip
 def _add_link(
     parent: mujoco.MjsBody, link: Link, T_parent_link: Float[np.ndarray, "4 4"]
 ) -> mujoco.MjsBody:
-    m = link.inertia
+    # MuJoCo wants every moving body to weigh something; descriptions often leave some links out.
+    m = link.inertia + _LEAST_INERTIA * np.eye(3) * (link.mass == 0.0)
     return parent.add_body(
-        name=link.name,
+        name=f"arm/{link.name}",  # apart from the vehicle's own names
         pos=T_parent_link[:3, 3],
         quat=_quat_wxyz(T_parent_link[:3, :3]),
-        mass=link.mass,
+        mass=max(link.mass, _LEAST_MASS),
         ipos=link.center_of_mass,
         fullinertia=[m[0, 0], m[1, 1], m[2, 2], m[0, 1], m[0, 2], m[1, 2]],
         explicitinertial=True,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool
 
+from robust6dof.robot.arm import Arm
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.simulation.guidance import GuidanceConfig, GuidanceRun
 from robust6dof.simulation.judge import Arrival, GoalError
@@ -66,8 +67,10 @@ class Outcome:
         return asdict(self)
 
 
-def judge_run(seed: int, category: str, run: GuidanceRun, config: GuidanceConfig) -> Outcome:
-    """Sum a run up."""
+def judge_run(
+    seed: int, category: str, run: GuidanceRun, config: GuidanceConfig, arm: Arm
+) -> Outcome:
+    """Sum a run of this arm up."""
     trace = run.trace
     estimated = _arrival(trace, "estimated", config)
     # The estimate is an image's age behind: a stay that the run's end cuts short counts.
@@ -97,7 +100,7 @@ def judge_run(seed: int, category: str, run: GuidanceRun, config: GuidanceConfig
         steady_control_m=_median(trace.column("estimated_translation_error_m")[steady]),
         energy_linear=linear,
         energy_angular=angular,
-        limits_broken=broken_limits(trace, config),
+        limits_broken=broken_limits(trace, config, arm),
         touched=run.touched,
     )
 
