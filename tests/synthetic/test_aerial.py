@@ -70,6 +70,16 @@ def test_the_mesh_variant_goes_through_all_meshes() -> None:
         assert used == set(category_files(meshes, category))
 
 
+def test_what_is_lost_has_no_twin_beside_it(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / "mug" / name).mkdir(parents=True)
+        (tmp_path / "mug" / name / "model.obj").touch()
+    plans = plan_aerial(0, 3, difficulties=("leaving",), categories=("mug",), meshes=tmp_path)
+    assert all(len(plan.alike) == 2 and plan.mesh not in plan.alike for plan in plans)
+    (plan,) = plan_aerial(0, 1, difficulties=("harsh",), categories=("mug",), meshes=tmp_path)
+    assert plan.mesh in plan.alike
+
+
 def test_depth_and_mask_agree_with_the_true_pose_and_extents(tmp_path: Path) -> None:
     (plan,) = plan_aerial(
         seed=1, sequences=1, frames=3, categories=("mug",), difficulties=("agile",)

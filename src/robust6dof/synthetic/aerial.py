@@ -68,8 +68,8 @@ def _objects(plan: SequencePlan) -> tuple[ObjectModel, list[ObjectModel]]:
     """The target, and the objects that distractors of its category are drawn from."""
     if plan.mesh is None:
         return make_object(plan.category, plan.shape_seed), []
-    alike = [load_object(path, plan.category) for path in plan.alike]
-    return alike[plan.alike.index(plan.mesh)], alike
+    models = {path: load_object(path, plan.category) for path in {plan.mesh, *plan.alike}}
+    return models[plan.mesh], [models[path] for path in plan.alike]
 
 
 def _motion(frame: RgbdFrame, truth: FrameTruth, exposure_s: float) -> dict[str, object]:

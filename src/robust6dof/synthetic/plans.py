@@ -97,6 +97,7 @@ def plan_aerial(
         turn = index // len(categories)
         difficulty = difficulties[turn % len(difficulties)]
         alike = files[category]
+        mesh = alike[(seed * len(difficulties) + turn) % len(alike)] if alike else None
         plans.append(
             SequencePlan(
                 name=f"s{seed}_{index:04d}_{category}_{difficulty}",
@@ -105,11 +106,16 @@ def plan_aerial(
                 seed=1_000_000 * seed + index,
                 frames=frames,
                 shape_seed=FIRST_TEST_SHAPE + 1000 * seed + index,
-                mesh=alike[(seed * len(difficulties) + turn) % len(alike)] if alike else None,
-                alike=alike,
+                mesh=mesh,
+                alike=_distractors(alike, mesh) if difficulty == "leaving" else alike,
             )
         )
     return plans
+
+
+def _distractors(alike: tuple[Path, ...], mesh: Path | None) -> tuple[Path, ...]:
+    """Without the target's own mesh: nothing could tell which of two such objects had been lost."""
+    return tuple(path for path in alike if path != mesh) or alike
 
 
 def _check(
