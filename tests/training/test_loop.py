@@ -16,7 +16,8 @@ from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.tracking.view import ViewConfig
 from robust6dof.training.loop import TrainConfig, train
 from robust6dof.training.losses import LossConfig, pair_losses
-from robust6dof.training.pairs import PairConfig, SyntheticPairs, collate
+from robust6dof.training.pair_batch import collate
+from robust6dof.training.pairs import PairConfig, SyntheticPairs
 from robust6dof.training.recipe import Recipe, recipe_named
 
 TINY = preset("tiny")
@@ -101,7 +102,8 @@ def test_two_processes_give_the_gradient_of_one(tmp_path: Path) -> None:
         "from robust6dof.network.robust6dof_net import Robust6DofNet\n"
         "from robust6dof.tracking.view import ViewConfig\n"
         "from robust6dof.training.losses import LossConfig, pair_losses\n"
-        "from robust6dof.training.pairs import PairConfig, SyntheticPairs, collate\n"
+        "from robust6dof.training.pair_batch import collate\n"
+        "from robust6dof.training.pairs import PairConfig, SyntheticPairs\n"
         "dist.init_process_group('gloo')\n"
         "rank = dist.get_rank()\n"
         "tiny = preset('tiny')\n"

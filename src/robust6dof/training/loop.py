@@ -23,7 +23,7 @@ from robust6dof.network.config import NetworkConfig
 from robust6dof.network.robust6dof_net import PairOutput, Robust6DofNet
 from robust6dof.training.checkpoints import load_checkpoint, save_checkpoint
 from robust6dof.training.losses import LossConfig, pair_losses
-from robust6dof.training.pairs import PairBatch, collate
+from robust6dof.training.pair_batch import PairBatch, collate
 from robust6dof.training.recipe import Recipe
 from robust6dof.training.validation import validate
 

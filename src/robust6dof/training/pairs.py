@@ -2,51 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
-from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
-from torch import Tensor
-from torch.utils.data import Dataset
 
-from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES
+from robust6dof.frames import CATEGORIES
 from robust6dof.geometry.transforms import make_transform
-from robust6dof.network.inputs import ViewBatch
 from robust6dof.shapes.mesh import ObjectModel
-from robust6dof.shapes.priors import load_prior
 from robust6dof.synthetic.close_up import TARGET_ID, CloseUp, QuickSensor, pool_object
 from robust6dof.synthetic.visibility import handle_visible, visible_surface
-from robust6dof.tracking.view import View, ViewConfig, make_view
-from robust6dof.training.targets import PairTruth
+from robust6dof.tracking.view import ViewConfig
+from robust6dof.training.drawn_pairs import DrawnPairs, SeenView
+from robust6dof.training.pair_batch import PairBatch
+from robust6dof.training.prediction_errors import (
+    ErrorConfig,
+    ErrorSource,
+    Replayed,
+    turn_and_shift,
+)
 
 SIDES = np.round(Rotation.create_group("O").as_matrix())
 """R_obj_room of an object on each side of its box, a quarter turn after the other."""
-HANDLED = frozenset({"mug", "025_mug"})
-"""Symmetric while their handle hides."""
 
 
 @dataclass(frozen=True)
 class PairConfig:
-    """What the pairs vary. Prediction errors are at least as large as the aerial motion."""
+    """What the pairs vary."""
 
     step_rotation: float = np.deg2rad(7.0)
     """Scale of the rotation between the views [rad]; a fifth of the pairs move twice as much."""
     step_translation: float = 0.02
     """Standard deviation of the translation between the views, each axis [m]."""
-    error_rotation: float = np.deg2rad(6.0)
-    """Scale of the prediction's rotation error [rad], before `error_factors`."""
-    error_translation: float = 0.015
-    """Standard deviation of its translation error, each axis [m], likewise."""
-    error_scale: float = 0.08
-    """Standard deviation of the log of its scale error, likewise."""
-    error_factors: tuple[float, ...] = (0.4, 0.4, 1.0, 1.0, 2.5)
-    """One of these, drawn for each pair, multiplies its errors: a track that holds, one that slips,
-    a start from a rough pose."""
-    error_shape: float = 0.05
-    """Standard deviation of the log of each side's error."""
+    errors: ErrorConfig = field(default_factory=ErrorConfig)
+    """Of the predictions."""
     distance: tuple[float, float] = (0.35, 1.4)
     """Of the camera from the object [m]."""
     focal_px: float = 600.0
@@ -68,39 +58,18 @@ class PairConfig:
         return PairConfig(lying_share=0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class PairBatch:
-    """B training pairs."""
+class SyntheticPairs(DrawnPairs):
+    """Pairs of rendered views; see `DrawnPairs`.
 
-    previous: ViewBatch
-    current: ViewBatch
-    prior: Float[Tensor, "B Nr 3"]
-    truth: PairTruth
-
-    def to(self, device: torch.device | str) -> PairBatch:
-        """The same on another device."""
-        return PairBatch(
-            self.previous.to(device),
-            self.current.to(device),
-            self.prior.to(device),
-            self.truth.to(device),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """One view and what is true of it."""
-
-    view: View
-    T_cam_obj: Float[np.ndarray, "4 4"]
-    on_object: Bool[np.ndarray, "N"]
-    handle_visible: bool
-
-
-class SyntheticPairs(Dataset[PairBatch]):
-    """Pair i is drawn from the seed (seed, i) alone: any worker, any order, the same pair.
-
-    `objects` are the user's own of some categories, seen instead of procedural ones.
+    Args:
+        view: what is cut out of a frame.
+        prior_points: N_r.
+        seed: of all pairs.
+        count: length of this data set.
+        config: what the pairs vary.
+        categories: taken in turn.
+        objects: the user's own of some categories, seen instead of procedural ones.
+        replayed: a tracker's own errors, for a share of the predictions.
     """
 
     def __init__(
@@ -112,27 +81,13 @@ class SyntheticPairs(Dataset[PairBatch]):
         config: PairConfig | None = None,
         categories: Sequence[str] = CATEGORIES,
         objects: Mapping[str, Sequence[ObjectModel]] | None = None,
+        replayed: Replayed | None = None,
     ) -> None:
-        self.view = view
-        self.prior_points = prior_points
-        self.seed = seed
-        self.count = count
         self.config = config or PairConfig()
-        self.categories = tuple(categories)
+        errors = ErrorSource(self.config.errors, replayed or {})
+        super().__init__(view, prior_points, seed, count, categories, errors)
         self.objects = dict(objects or {})
         self.sensor = QuickSensor()
-        self.priors = {name: load_prior(name) for name in self.categories}
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, index: int) -> PairBatch:
-        """Pair `index` as a batch of one; draws again, from the same stream, if nothing is seen."""
-        rng = np.random.default_rng([self.seed, index])
-        while True:
-            pair = self._draw(rng, self.categories[index % len(self.categories)])
-            if pair is not None:
-                return pair
 
     def _draw(self, rng: np.random.Generator, category: str) -> PairBatch | None:
         target = self._object(rng, category)
@@ -145,13 +100,16 @@ class SyntheticPairs(Dataset[PairBatch]):
         close_up = CloseUp.draw(rng, target, R_obj_room)
         if rng.random() < self.config.occluder_share:
             close_up = close_up.with_occluder(rng, T_prev)
-        factor = float(rng.choice(self.config.error_factors))
-        extents_pred = _disturb_extents(rng, target.extents, self.config, factor)
-        seen_prev = self._see(rng, close_up, T_prev, extents_pred, T_prev, factor)
-        seen_cur = self._see(rng, close_up, T_cur, extents_pred, T_prev, factor)
-        if seen_prev is None or seen_cur is None:
+        errors = self.errors.draw(rng, category)
+        extents_pred = target.extents * errors.stretch
+        window = _window(T_prev, target, self.config)
+        seen = [
+            self._render(rng, close_up, window, T_cam_obj, T_prev, predict, extents_pred)
+            for T_cam_obj, predict in ((T_prev, errors.previous), (T_cur, errors.current))
+        ]
+        if seen[0] is None or seen[1] is None:
             return None
-        return self._assemble(rng, target, seen_prev, seen_cur)
+        return self._assemble(rng, category, target.scale, seen[0], seen[1])
 
     def _object(self, rng: np.random.Generator, category: str) -> ObjectModel:
         own = self.objects.get(category)
@@ -161,65 +119,27 @@ class SyntheticPairs(Dataset[PairBatch]):
             category, self.config.first_object + int(rng.integers(self.config.object_pool))
         )
 
-    def _see(
+    def _render(
         self,
         rng: np.random.Generator,
         close_up: CloseUp,
+        window: tuple[np.ndarray, int],
         T_cam_obj: np.ndarray,
-        extents_pred: np.ndarray,
         T_cam_last: np.ndarray,
-        factor: float,
-    ) -> _Seen | None:
+        predict: Callable[[np.random.Generator, np.ndarray], np.ndarray],
+        extents_pred: np.ndarray,
+    ) -> SeenView | None:
         """One view, predicted from a disturbed last pose; None where too little is seen."""
-        config = self.config
-        K, size = _window(T_cam_last, close_up.target, config)
+        K, size = window
         rendering = close_up.render(T_cam_obj, K, size)
         frame = self.sensor.observe(rendering, K, rng)
-        T_cam_pred = _turn_and_shift(
-            rng, T_cam_last, factor * config.error_rotation, factor * config.error_translation
-        )
-        view = make_view(frame, T_cam_pred, extents_pred, self.view, rng)
-        if view is None:
-            return None
-        x, y = view.frame_pixels.astype(int).T
-        on_object = rendering.ids[y, x] == TARGET_ID
-        if on_object.mean() < 0.1:
+        T_cam_pred = predict(rng, T_cam_last)
+        mask = rendering.ids == TARGET_ID
+        seen = self._see(rng, frame, mask, T_cam_obj, T_cam_pred, extents_pred)
+        if seen is None:
             return None
         surface = visible_surface(rendering, TARGET_ID, K, T_cam_obj)
-        return _Seen(view, T_cam_obj, on_object, handle_visible(surface, close_up.target.extents))
-
-    def _assemble(
-        self, rng: np.random.Generator, target: ObjectModel, previous: _Seen, current: _Seen
-    ) -> PairBatch:
-        prior = self.priors[target.category]
-        chosen = rng.choice(len(prior), self.prior_points, replace=len(prior) < self.prior_points)
-        handle_seen = previous.handle_visible or current.handle_visible
-        symmetric = target.category in SYMMETRIC_CATEGORIES or (
-            target.category in HANDLED and not handle_seen
-        )
-        truth = PairTruth(
-            T_cam_obj_prev=batch_of_one(previous.T_cam_obj),
-            T_cam_obj_cur=batch_of_one(current.T_cam_obj),
-            scale=batch_of_one(np.array(target.scale)),
-            symmetric=torch.tensor([symmetric]),
-            on_object_prev=torch.from_numpy(previous.on_object)[None],
-            on_object_cur=torch.from_numpy(current.on_object)[None],
-        )
-        return PairBatch(
-            previous.view.batch, current.view.batch, batch_of_one(prior[chosen]), truth
-        )
-
-
-def collate(pairs: Sequence[PairBatch]) -> PairBatch:
-    """Several pairs as one batch."""
-    truths = [pair.truth for pair in pairs]
-    truth = {f.name: torch.cat([getattr(t, f.name) for t in truths]) for f in fields(PairTruth)}
-    return PairBatch(
-        ViewBatch.cat([pair.previous for pair in pairs]),
-        ViewBatch.cat([pair.current for pair in pairs]),
-        torch.cat([pair.prior for pair in pairs]),
-        PairTruth(**truth),
-    )
+        return replace(seen, handle_visible=handle_visible(surface, close_up.target.extents))
 
 
 def _draw_view(rng: np.random.Generator, config: PairConfig) -> np.ndarray:
@@ -236,25 +156,9 @@ def _draw_view(rng: np.random.Generator, config: PairConfig) -> np.ndarray:
 
 def _move(rng: np.random.Generator, T_cam_obj: np.ndarray, config: PairConfig) -> np.ndarray:
     factor = 2.0 if rng.random() < 0.2 else 1.0
-    return _turn_and_shift(
+    return turn_and_shift(
         rng, T_cam_obj, factor * config.step_rotation, factor * config.step_translation
     )
-
-
-def _turn_and_shift(
-    rng: np.random.Generator, T_cam_obj: np.ndarray, angle: float, shift: float
-) -> np.ndarray:
-    """Turn about the object's own origin by |N(0, angle)|, and shift in the camera frame."""
-    axis = rng.normal(size=3)
-    turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * rng.normal(0, angle)).as_matrix()
-    return make_transform(turn @ T_cam_obj[:3, :3], T_cam_obj[:3, 3] + rng.normal(0, shift, 3))
-
-
-def _disturb_extents(
-    rng: np.random.Generator, extents: np.ndarray, config: PairConfig, factor: float
-) -> np.ndarray:
-    common = rng.normal(0, factor * config.error_scale)
-    return extents * np.exp(common + rng.normal(0, config.error_shape, 3))
 
 
 def _window(
@@ -267,8 +171,3 @@ def _window(
     focal = config.focal_px * size / side
     centre = (size - 1) / 2
     return np.array([[focal, 0, centre], [0, focal, centre], [0, 0, 1.0]]), size
-
-
-def batch_of_one(values: np.ndarray) -> Tensor:
-    """As float32 with a leading axis of one."""
-    return torch.from_numpy(np.asarray(values, dtype=np.float32))[None]

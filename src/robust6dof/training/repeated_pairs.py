@@ -12,7 +12,8 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from robust6dof.network.inputs import ViewBatch
-from robust6dof.training.pairs import PairBatch, SyntheticPairs, batch_of_one
+from robust6dof.training.drawn_pairs import DrawnPairs
+from robust6dof.training.pair_batch import PairBatch, batch_of_one
 
 
 class RepeatedPairs(Dataset[PairBatch]):
@@ -30,7 +31,7 @@ class RepeatedPairs(Dataset[PairBatch]):
     """
 
     def __init__(
-        self, pairs: SyntheticPairs, epoch: int, points: int, prior_points: int, count: int
+        self, pairs: DrawnPairs, epoch: int, points: int, prior_points: int, count: int
     ) -> None:
         self.pairs = pairs
         self.epoch = epoch

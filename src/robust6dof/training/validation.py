@@ -10,7 +10,7 @@ import torch
 from robust6dof.geometry.differentiable_alignment import fit_rigid_torch, fit_similarity_torch
 from robust6dof.geometry.transforms import axis_error, rotation_error
 from robust6dof.network.robust6dof_net import PairOutput, Robust6DofNet
-from robust6dof.training.pairs import PairBatch
+from robust6dof.training.pair_batch import PairBatch
 from robust6dof.training.targets import PairTruth
 
 
