@@ -1,5 +1,6 @@
 """Every command answers --help without importing anything heavy, and fails with one line."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -47,3 +48,20 @@ def test_a_users_mistake_is_one_line_without_traceback(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert len(done.stderr.strip().splitlines()) == 1
     assert str(missing) in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["doctor", "--help"], ["doctor", "."]])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_gone_ends_a_command_quietly(
+    arguments: list[str], unbuffered: str, tmp_path: Path
+) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    command = [sys.executable, "-m", "robust6dof", *arguments]
+    done = subprocess.run(
+        command, stdout=writing, stderr=subprocess.PIPE, env=environment, cwd=tmp_path
+    )
+    os.close(writing)
+    assert done.returncode == 141
+    assert b"Broken" not in done.stderr

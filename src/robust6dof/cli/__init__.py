@@ -8,6 +8,7 @@ immediate.
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -30,10 +31,30 @@ COMMANDS: dict[str, str] = {
 """Name of each subcommand (its module has the same name, with _ for - and space) and its one-line
 help."""
 
+READER_GONE = 141
+"""Exit code when whatever reads the output has closed it (`| head`): 128 + SIGPIPE, a shell's."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code (0 only on success)."""
-    args = list(sys.argv[1:] if argv is None else argv)
+    try:
+        try:
+            return _dispatch(list(sys.argv[1:] if argv is None else argv))
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _discard_output()
+        return READER_GONE
+
+
+def _discard_output() -> None:
+    """Nobody reads it; else the interpreter would complain when it flushes at its end."""
+    with open(os.devnull, "w") as nothing:
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(nothing.fileno(), stream.fileno())
+
+
+def _dispatch(args: list[str]) -> int:
     if not args or args[0] in ("-h", "--help"):
         print(_usage())
         return 0 if args else 2
@@ -72,6 +93,8 @@ def _run_command(name: str, args: list[str]) -> int:
     except KeyboardInterrupt:
         print(f"robust6dof {name}: interrupted; what was done is kept", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        raise
     except Exception as error:
         if options.debug:
             raise
