@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from evaluation.small_recordings import write_recording
+from robust6dof.cli import main
 from robust6dof.errors import InputError
 from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.evaluate import read_stored, score_stored
@@ -65,6 +66,20 @@ def test_tracking_prints_what_evaluate_says_of_the_same_run(setting):
     assert not (run / "c").exists()
     assert {"static: can", "static: mug", "BundleTrack"} <= {line.name for line in report.lines}
     assert all(path.is_file() for path in report.figures)
+
+
+def test_the_command_takes_up_its_runs_at_the_frames_that_were_asked_for(tmp_path, capsys):
+    write_recording(tmp_path / "data" / "a", frames=8)
+    args = ["experiment", "tracking", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    few = [*args, "--tracker", "static", "--baselines", "--frames", "5"]
+    assert main(few) == 0
+    assert "| static |" in capsys.readouterr().out
+    run = tmp_path / "out" / "runs" / "data" / "static-6pack"
+    assert json.loads((run / "a" / "done.json").read_text())["frames"] == 5
+    assert main(few) == 0
+    assert "static-6pack: a" not in capsys.readouterr().out
+    assert main([*few[:-1], "6"]) == 1  # that run has other frames
+    assert "holds another run" in capsys.readouterr().err
 
 
 def test_dropped_frames_make_a_standing_tracker_worse_the_more_there_are(setting):

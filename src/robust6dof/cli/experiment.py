@@ -1,12 +1,13 @@
 """Make a table and a figure of the paper on whatever data is at hand; run again to go on.
 
 Names: estimation, tracking, ycb-video, ycbineoat, wild6d, speed, dropped-frames, pose-noise,
-keypoint-count, component-ablation, keypoint-ablation, loss-ablation, qualitative; or all.
+keypoint-count, component-ablation, keypoint-ablation, loss-ablation, qualitative; beyond the paper
+losses, calibration, drift; or all.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -34,6 +35,8 @@ class Options(CommonOptions):
     """Weights (.safetensors) of the network's trackers, instead of the shipped ones."""
     size: Literal["tiny", "small", "full"] = "small"
     """tiny: does it run; small: minutes to an hour on two cores; full: everything."""
+    frames: int | None = None
+    """Use at most so many frames of each sequence, instead of the size's."""
     network: Literal["paper", "small", "tiny"] | None = None
     """Preset of the network that the ablations train, instead of the size's."""
     steps: int | None = None
@@ -63,12 +66,13 @@ def run(options: Options) -> None:
 def _setting(options: Options, out: Path) -> Setting:
     from robust6dof.experiments.setting import SIZES, Setting
 
+    size = SIZES[options.size]
     return Setting(
         out=out,
         data=options.data,
         tracker=options.tracker or _default_tracker(options),
         baselines=options.baselines,
-        size=SIZES[options.size],
+        size=replace(size, frames=options.frames or size.frames),
         weights=options.weights,
         device=options.device,
         seed=options.seed,
