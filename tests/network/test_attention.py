@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 import torch
 
 from robust6dof.network.attention import LowRankAttention, MultiHead, OffsetAttention
@@ -62,22 +63,20 @@ def test_weight_shared_attention_eq_wsa():
 
 
 @torch.no_grad()
-def test_low_rank_attention_eq_msa_1():
-    for shared in (False, True):
-        layer = LowRankAttention(D, H, K, shared)
-        x, context = torch.randn(B, N, D), torch.randn(B, N, D)
-        got = layer(x, x, x, context)
-        for b in range(B):
-            columns = layer.contract(context[b])
-            X = torch.stack([torch.tensor(softmax(c.tolist())) for c in columns.T[:K]])
-            Y = (
-                X
-                if shared
-                else torch.stack([torch.tensor(softmax(c.tolist())) for c in columns.T[K:]])
-            )
-            # As printed: X_c · F(F̄^(k)), the linear layer first.
-            expected = heads_loops(layer.query(x[b]), X @ layer.key(x[b]), Y @ layer.value(x[b]))
-            torch.testing.assert_close(got[b], expected)
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("average", [False, True])
+def test_low_rank_attention_eq_msa_1(shared, average):
+    layer = LowRankAttention(D, H, K, shared, average)
+    x, context = torch.randn(B, N, D), torch.randn(B, N, D)
+    got = layer(x, x, x, context)
+    for b in range(B):
+        rows = layer.contract(context[b]).T
+        if average:
+            rows = torch.stack([torch.tensor(softmax(row.tolist())) for row in rows])
+        X, Y = rows[:K], rows[:K] if shared else rows[K:]
+        # As printed: X_c · F(F̄^(k)), the linear layer first.
+        expected = heads_loops(layer.query(x[b]), X @ layer.key(x[b]), Y @ layer.value(x[b]))
+        torch.testing.assert_close(got[b], expected)
 
 
 @torch.no_grad()

@@ -83,13 +83,16 @@ class OffsetAttention(nn.Module):
 class LowRankAttention(nn.Module):
     """Multi-head attention over k contracted keys, Eq. msa-1: O(N k) instead of O(N²).
 
-    The contraction comes from `context`, normalised over the N points by a softmax, so that it is
-    an average whatever N is. Each head's result is concatenated, without a further projection.
+    The contraction comes from `context`. With `average` a softmax over the N points normalises it,
+    so that nothing grows with N; printed, it is bare. Each head's result is concatenated, without a
+    further projection.
     """
 
-    def __init__(self, width: int, heads: int, rank: int, shared: bool = False) -> None:
+    def __init__(
+        self, width: int, heads: int, rank: int, shared: bool = False, average: bool = True
+    ) -> None:
         super().__init__()
-        self.heads, self.rank, self.shared = heads, rank, shared
+        self.heads, self.rank, self.shared, self.average = heads, rank, shared, average
         self.contract = nn.Linear(width, rank if shared else 2 * rank)
         self.query = nn.Linear(width, width)
         self.key = nn.Linear(width, width)
@@ -103,11 +106,15 @@ class LowRankAttention(nn.Module):
         context: Float[Tensor, "B M D"],
     ) -> Float[Tensor, "B N D"]:
         """Softmax(q (X k)ᵀ/√d) · (Y v), heads concatenated."""
-        contraction = self.contract(context).mT.softmax(-1)
+        contraction = self.contract(context).mT
+        if self.average:
+            contraction = contraction.softmax(-1)
         X, Y = (contraction, contraction) if self.shared else contraction.split(self.rank, 1)
-        # X (F(k)) = F(X k), as the rows of X sum to 1: contract before the linear layer.
-        q, k, v = self.query(query), self.key(X @ key), self.value(Y @ value)
-        q, k, v = (split_heads(x, self.heads) for x in (q, k, v))
+        if self.average:  # rows sum to 1, so X F(k) = F(X k): contract before the linear layer
+            k, v = self.key(X @ key), self.value(Y @ value)
+        else:
+            k, v = X @ self.key(key), Y @ self.value(value)
+        q, k, v = (split_heads(x, self.heads) for x in (self.query(query), k, v))
         return merge_heads(attend(q, k, v))
 
 

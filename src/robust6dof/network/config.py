@@ -44,6 +44,9 @@ class NetworkConfig:
     dense_fusion: Literal["separate", "shared", "off"] = "separate"
     """Low-rank attention (Eq. msa-1): X_c and Y_c with separate or shared weights; off: the
     classical multi-head attention over the sum of both modalities."""
+    contraction: Literal["average", "printed"] = "average"
+    """X_c and Y_c of every low-rank attention: a softmax over the N points, so that nothing grows
+    with N; or the bare projections, as printed."""
     fusion_residual: bool = True
     """Add the point features to the low-rank attention's output, and normalise. Off as printed."""
     similarity: Literal["scaled", "printed"] = "scaled"

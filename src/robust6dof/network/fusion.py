@@ -95,8 +95,8 @@ class DenseFusion(nn.Module):
         if config.dense_fusion == "off":
             self.attention = MultiHead(width, config.heads)
         else:
-            shared = config.dense_fusion == "shared"
-            self.low_rank = LowRankAttention(width, config.heads, config.rank, shared)
+            shared, average = config.dense_fusion == "shared", config.contraction == "average"
+            self.low_rank = LowRankAttention(width, config.heads, config.rank, shared, average)
         self.norm = nn.LayerNorm(width)
 
     def forward(self, view: ViewBatch) -> Float[Tensor, "B N D"]:

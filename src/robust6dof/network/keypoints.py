@@ -29,7 +29,8 @@ class AssignmentHead(nn.Module):
         super().__init__()
         width = config.width
         self.config = config
-        self.attention = LowRankAttention(width, config.heads, config.rank)
+        average = config.contraction == "average"
+        self.attention = LowRankAttention(width, config.heads, config.rank, average=average)
         self.norm = nn.LayerNorm(width)
         self.feed_forward = FeedForward(width, config.ffn_ratio)
         self.out_norm = nn.LayerNorm(width)
