@@ -138,7 +138,7 @@ def _blueprint():
                 rrb.Spatial3DView(origin="world", name="camera space"),
             ),
             rrb.TimeSeriesView(
-                origin="confidence", name="confidence", axis_y=rrb.ScalarAxis(range=(0.0, 1.0))
+                origin="confidence", name="confidence", axis_y=rrb.ScalarAxis(range=(0.0, 1.05))
             ),
             rrb.StateTimelineView(origin="state", name="state"),
             row_shares=[4, 1.2, 0.8],
