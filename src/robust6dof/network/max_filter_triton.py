@@ -1,7 +1,7 @@
 """The fused GPU kernel of the maximum filter, where Triton is installed.
 
-Equal to the reference by construction (same products, same maxima); the test that says so runs
-where there is a CUDA device.
+Equal to the reference by construction (same products, same maxima); the tests that say so run where
+Triton is installed: on a CUDA device, or without one through Triton's interpreter.
 """
 
 from __future__ import annotations
