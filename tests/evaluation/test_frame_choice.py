@@ -26,6 +26,14 @@ def data(tmp_path):
     return tmp_path / "data"
 
 
+def make_refusing(category, **_):
+    class Refusing(StandingTracker):
+        def start(self, frame, **hints):
+            raise InputError("no depth on it")
+
+    return (Refusing if category == "can" else StandingTracker)(category)
+
+
 def run_info(data, **settings):
     return RunInfo("standing", "ycbv-auc", str(data), 0, **settings)
 
@@ -61,6 +69,38 @@ def test_a_run_on_part_of_the_frames_is_scored_on_that_part(data):
     assert any("2 dropped after the first" in note for note in scores.notes)
     low, high = scores.details["interval95"]["T_err_cm"]
     assert low <= scores.mean["T_err_cm"] <= high
+
+
+def test_what_a_run_has_not_finished_is_missing_and_is_said(data):
+    run = data.parent / "run"
+    list(predict(make_standing, run_info(data), run, sequences=("b",)))
+    (whole,) = read_stored(run, PROTOCOLS["6pack"])
+    assert sum(record.T_cam_obj is None for record in whole.records) == 2 * 6
+    assert "1 of 2 sequences are not finished in this run" in whole.remarks[0]
+    (part,) = read_stored(run, PROTOCOLS["6pack"], sequences=("b",))
+    assert {record.sequence for record in part.records} == {"b"}
+    assert part.remarks == ()
+
+
+def test_objects_that_could_not_be_started_are_said(data):
+    run = data.parent / "run"
+    list(predict(make_refusing, run_info(data), run))
+    (stored,) = read_stored(run, PROTOCOLS["6pack"])
+    (remark,) = stored.remarks
+    assert remark == (
+        "2 objects were not started everywhere: a/can_0 (no depth on it), b/can_0 (no depth on it)"
+    )
+
+
+def test_synthetic_data_is_said_to_be_so_wherever_it_lies_now(data):
+    run = data.parent / "run"
+    list(predict(make_standing, run_info(data), run))
+    moved = data.rename(data.parent / "moved")
+    (moved / "a" / "plan.json").write_text('{"mesh": null}')
+    (stored,) = read_stored(run, PROTOCOLS["6pack"], moved)
+    assert stored.data == "moved (recordings)"
+    assert "procedural shapes" in stored.kind
+    assert "not comparable" in stored.remarks[0]
 
 
 def test_pose_noise_reaches_the_tracker_and_is_said(data):

@@ -59,7 +59,7 @@ def test_what_is_exported_reads_back(form, data, tmp_path):
     direct = PROTOCOLS["6pack"].score(records)
     scores = score_stored(stored, PROTOCOLS["6pack"])
     assert scores.mean == pytest.approx(direct.mean)
-    assert scores.data == "recordings"
+    assert scores.data == "data (recordings)"
 
 
 def test_six_pack_flips_the_camera_and_writes_millimetres(data, tmp_path):

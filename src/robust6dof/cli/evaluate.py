@@ -33,6 +33,8 @@ class Options(CommonOptions):
     """Folder for scores.json, table.md and the plots."""
     data: Path | None = None
     """The data set with the truth (default: the one a run was made on)."""
+    sequences: tuple[str, ...] = ()
+    """Score only these (default: all of the data set; what a run lacks counts as missing)."""
     method: str | None = None
     """Which method of a pack (default: every one); otherwise a name for the tracker."""
     format: Literal["run", "icg", "nocs", "6pack", "ob_in_cam", "bop"] | None = None
@@ -59,7 +61,14 @@ def run(options: Options) -> None:
     protocol = find_protocol(options.protocol)
     models = options.models or default_models(options.path, options.data)
     scores = []
-    for stored in read_stored(options.path, protocol, options.data, options.method, options.format):
+    for stored in read_stored(
+        options.path,
+        protocol,
+        options.data,
+        options.method,
+        options.format,
+        options.sequences,
+    ):
         scores.append(
             score_stored(stored, protocol, models, options.point_stride, options.align_first)
         )

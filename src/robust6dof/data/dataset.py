@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,16 @@ class Dataset:
                 return sequence
         known = ", ".join(sequence.name for sequence in self.sequences)
         raise InputError(f"{self.name} has no sequence '{name}'; it has: {known}")
+
+    def only(self, names: Collection[str]) -> Dataset:
+        """The data set with the sequences of these names alone; all of it if there are none.
+
+        Raises:
+            InputError: there is no such sequence.
+        """
+        if not names:
+            return self
+        return replace(self, sequences=tuple(self.sequence(name) for name in names))
 
 
 def absent(files: dict[str, Path | None]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,7 +22,12 @@ from robust6dof.evaluation.protocols.ycbineoat_auc import align_first_frame
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.result_formats import BopCsv, ObInCam, SixPackText, read_nocs_results
 from robust6dof.evaluation.run_info import RunInfo
-from robust6dof.evaluation.run_records import make_records, read_run_info, records_of_run
+from robust6dof.evaluation.run_records import (
+    gaps_of_run,
+    make_records,
+    read_run_info,
+    records_of_run,
+)
 from robust6dof.evaluation.scores import Scores
 
 _THIRD = 3
@@ -75,6 +80,7 @@ def read_stored(
     data: Path | None = None,
     method: str | None = None,
     form: str | None = None,
+    sequences: Collection[str] = (),
 ) -> list[Stored]:
     """Read stored poses in any of FORMATS; several where a pack holds several methods.
 
@@ -84,12 +90,15 @@ def read_stored(
         data: where the truth is; the formats `icg` and `nocs` bring their own.
         method: which method of a pack; all when not given. Else the tracker's name.
         form: one of FORMATS; recognised when not given.
+        sequences: of the data set, only these; all if empty. Not for `icg` and `nocs`.
 
     Raises:
         DataError: unreadable, or fitting no truth.
         InputError: `data` is needed, or the format does not go with the protocol.
     """
     form = form or recognise_format(path)
+    if form in ("icg", "nocs") and sequences:
+        raise InputError(f"poses in the format '{form}' are scored whole, not by sequences")
     if form == "icg":
         methods = [method] if method else icg_methods(path)
         return [_icg(path, name) for name in methods]
@@ -99,16 +108,39 @@ def read_stored(
     place = data or (Path(info.data) if info else None)
     if place is None:
         raise InputError(f"poses in the format '{form}' bring no truth: give --data")
-    dataset = open_with_truth(place, with_masks=False)
-    if info is not None:
-        dataset = info.frames.of(dataset)
-        records = records_of_run(path, dataset, protocol.keyframes_only)
-        name = f"{info.tracker} (started as {info.protocol})"
-        tracker = info.tracker if info.protocol == protocol.name else name
-        name, kind = method or tracker, data_kind(Path(info.data))
-        return [Stored(name, dataset.name, records, remarks=_remarks(info, kind), kind=kind)]
-    records = _foreign_records(path, form, dataset, protocol)
-    return [Stored(method or path.stem, dataset.name, records)]
+    dataset = open_with_truth(place, with_masks=False).only(sequences)
+    if info is None:
+        stored = Stored(
+            method or path.stem,
+            _data_name(dataset),
+            _foreign_records(path, form, dataset, protocol),
+        )
+    else:
+        stored = _run(path, info, dataset, protocol)
+    return [_about_data(replace(stored, tracker=method or stored.tracker), data_kind(place))]
+
+
+def _run(path: Path, info: RunInfo, whole: Dataset, protocol: Protocol) -> Stored:
+    dataset = info.frames.of(whole)
+    records = records_of_run(path, dataset, protocol.keyframes_only)
+    name = f"{info.tracker} (started as {info.protocol})"
+    tracker = info.tracker if info.protocol == protocol.name else name
+    gaps = gaps_of_run(path, [sequence.name for sequence in dataset.sequences])
+    return Stored(tracker, _data_name(dataset), records, remarks=(*gaps, *_remarks(info)))
+
+
+def _data_name(dataset: Dataset) -> str:
+    """Recordings go by their folder; the others are one known data set each."""
+    known = dataset.name != "recordings"
+    return dataset.name if known else f"{dataset.path.resolve().name} ({dataset.name})"
+
+
+def _about_data(stored: Stored, kind: str) -> Stored:
+    """Say what kind of data the truth is of, and what follows for comparisons."""
+    if kind == RECORDED:
+        return stored
+    remark = f"measured on {kind}: not comparable with figures on real images"
+    return replace(stored, kind=kind, remarks=(remark, *stored.remarks))
 
 
 def _icg(path: Path, method: str) -> Stored:
@@ -117,11 +149,9 @@ def _icg(path: Path, method: str) -> Stored:
     return Stored(method, "ycb-video", records, remarks=(_PACK_NOTE,), point_stride=_THIRD)
 
 
-def _remarks(info: RunInfo, kind: str) -> tuple[str, ...]:
+def _remarks(info: RunInfo) -> tuple[str, ...]:
     """What of a run's making must be said beside its figures."""
     remarks = [info.remark] if info.remark else []
-    if kind != RECORDED:
-        remarks.append(f"measured on {kind}: not comparable with figures on real images")
     if info.frames != FrameChoice():
         remarks.append(f"only part of the frames: {info.frames}")
     if info.single_view:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,9 @@ from robust6dof.errors import DataError
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.frames import Track, TrackState
+
+_FEW = 3
+"""Names that a remark lists, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,30 @@ def read_run_info(run: Path) -> RunInfo:
         raise DataError(path, "no run is stored here", "Run robust6dof predict first") from error
     except (ValueError, TypeError) as error:
         raise DataError(path, f"unreadable ({error})", "Run robust6dof predict again") from error
+
+
+def gaps_of_run(run: Path, sequences: Sequence[str]) -> tuple[str, ...]:
+    """What a run lacks of these sequences, in words: all of it counts as missing poses."""
+    gaps = []
+    unfinished = [name for name in sequences if not (run / name / "done.json").is_file()]
+    if unfinished:
+        gaps.append(
+            f"{len(unfinished)} of {len(sequences)} sequences are not finished in this run, and "
+            f"what they lack counts as missing: {_first_of(unfinished)}"
+        )
+    failed = [
+        f"{name}/{key} ({why})"
+        for name in sequences
+        if name not in unfinished
+        for key, why in json.loads((run / name / "done.json").read_text())["failed"].items()
+    ]
+    if failed:
+        gaps.append(f"{len(failed)} objects were not started everywhere: {_first_of(failed)}")
+    return tuple(gaps)
+
+
+def _first_of(names: Sequence[str]) -> str:
+    return ", ".join(names[:_FEW]) + (", …" if len(names) > _FEW else "")
 
 
 def records_of_run(run: Path, dataset: Dataset, keyframes_only: bool = False) -> list[PoseRecord]:

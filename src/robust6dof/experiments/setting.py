@@ -139,10 +139,9 @@ class Setting:
 
     def stored(self, run: Path, protocol: str) -> Stored:
         """A run's records of the sequences that are used."""
-        (stored,) = read_stored(run, find_protocol(protocol))
-        used = {sequence.name for sequence in self.dataset().sequences}
-        records = [record for record in stored.records if record.sequence in used]
-        return replace(stored, records=records)
+        used = [sequence.name for sequence in self.dataset().sequences]
+        (stored,) = read_stored(run, find_protocol(protocol), sequences=used)
+        return stored
 
     def scores(self, run: Path, protocol: str) -> Scores:
         """A run's scores, with their interval."""
