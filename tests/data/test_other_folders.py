@@ -79,6 +79,25 @@ def test_clouds_and_loose_images_are_counted(tmp_path):
     assert "0.70 to 0.70 m away if in millimetres" in images
 
 
+def test_frames_in_arrays_are_judged_by_their_distance(tmp_path):
+    frame = {"image": np.zeros((4, 4, 3), np.uint8), "intrinsics_matrix": np.eye(3)}
+    np.save(tmp_path / "a.npy", np.array(frame | {"depth": np.full((4, 4), 0.7)}, dtype=object))
+    ((sound, text),) = other_contents(tmp_path)
+    assert sound
+    assert text.startswith("1 single frames in .npy files")
+    assert "0.70 to 0.70 m" in text
+    np.save(tmp_path / "b.npy", np.array(frame | {"depth": np.full((4, 4), 700.0)}, dtype=object))
+    ((sound, _),) = other_contents(tmp_path)
+    assert not sound
+
+
+def test_images_beside_other_contents_are_not_passed_over(tmp_path):
+    np.save(tmp_path / "clouds.npy", np.random.default_rng(0).random((200, 3)))
+    cv2.imwrite(str(tmp_path / "d.png"), np.full((8, 8), 700, np.uint16))
+    texts = [finding.text for finding in inspect_folder(tmp_path).findings]
+    assert any(text.startswith("1 depth and 0 colour images") for text in texts)
+
+
 def test_nothing_known_stays_a_problem(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing")
     assert list(other_contents(tmp_path)) == []

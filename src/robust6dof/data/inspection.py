@@ -104,13 +104,13 @@ def _judge_other_folder(inspection: Inspection, error: DataError) -> None:
         inspection.add("note", f"{path.name}: no recording or data set of images, but it holds")
     else:
         inspection.add("problem", str(error))
-        loose = loose_images(path) if path.is_dir() else ""
-        if loose:
-            inspection.add("note", loose)
     for sound, text in contents:
         inspection.add("ok" if sound else "problem", text)
-    for text in _what_is_there(path):
-        inspection.add("note", text)
+    if path.is_dir():
+        known = _known_folders(path)
+        loose = "" if known else loose_images(path)
+        for text in filter(None, (loose, _kinds_of_files(path), known)):
+            inspection.add("note", text)
 
 
 def _spread(dataset: Dataset, count: int) -> Iterator[tuple[DatasetSequence, int]]:
@@ -191,7 +191,9 @@ def _judge_truth(inspection: Inspection) -> None:
         return
     unsized = sorted({truth.name for _, truth in truths if truth.extents is None})
     if unsized:
-        inspection.add("note", f"size unknown: {', '.join(unsized)}; IoU cannot be scored")
+        remedy = " (--models names the models' folder)" if _is_ycb_video(inspection) else ""
+        text = f"size unknown: {', '.join(unsized)}; IoU cannot be scored{remedy}"
+        inspection.add("note", text)
     bad = [text for sample, truth in truths if (text := _object_problem(sample, truth))]
     for text in bad:
         inspection.add("problem", text)
@@ -221,6 +223,9 @@ def _judge_layout(inspection: Inspection, dataset: Dataset) -> None:
     for count in sorted(set(lacking.values()), reverse=True):
         parts = ", ".join(part for part, times in lacking.items() if times == count)
         inspection.add("note", f"missing in {count} of {len(inspection.samples)} frames: {parts}")
+    if _is_ycb_video(inspection):
+        for stray in _unnumbered_videos(dataset.path):
+            inspection.add("note", f"{stray} holds frames too, but is no video's number: left out")
     videos = [s.video for s in dataset.sequences if isinstance(s, RecordingSequence)]
     if any(video.layout == "tsdf-fusion" and not video.depth_only for video in videos):
         inspection.add(
@@ -230,17 +235,27 @@ def _judge_layout(inspection: Inspection, dataset: Dataset) -> None:
         )
 
 
-def _what_is_there(path: Path) -> list[str]:
-    """A line on the kinds of files, and one on subfolders that are recordings or data sets."""
-    if not path.is_dir():
-        return []
+def _is_ycb_video(inspection: Inspection) -> bool:
+    return inspection.kind.startswith("ycb-video")
+
+
+def _unnumbered_videos(path: Path) -> list[str]:
+    folders = [child for root in (path, path / "data") if root.is_dir() for child in root.iterdir()]
+    return sorted(f.name for f in folders if not f.name.isdigit() and any(f.glob("*-color.png")))
+
+
+def _kinds_of_files(path: Path) -> str:
     suffixes = Counter(file.suffix.lower() for file in path.rglob("*") if file.is_file())
     kinds = ", ".join(f"{n} {suffix or 'without suffix'}" for suffix, n in suffixes.most_common(6))
-    texts = [f"it holds {kinds}"] if kinds else ["it is empty"]
+    return f"it holds {kinds}" if kinds else "it is empty"
+
+
+def _known_folders(path: Path) -> str:
+    """Which subfolders are recordings or data sets; empty where none is."""
     known = []
     for folder in sorted(child for child in path.iterdir() if child.is_dir()):
         try:
             known.append(f"{folder.name} ({recognise(folder)})")
         except DataError:
             continue
-    return texts + ([f"look into {', '.join(known)}"] if known else [])
+    return f"look into {', '.join(known)}" if known else ""

@@ -6,12 +6,14 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import cv2
 import numpy as np
 
 from robust6dof.data.image_files import read_numbers
+from robust6dof.data.restricted_pickle import read_npy
 from robust6dof.data.ycb_video import read_keyframes
 from robust6dof.errors import DataError
 from robust6dof.shapes.loading import load_mesh, mesh_files
@@ -26,7 +28,7 @@ def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
     Nothing where there is nothing that this package reads.
     """
     judges = (_trajectories, _pose_packs, _model_points, _keyframes, _robots, _meshes, _clouds)
-    for judge in judges:
+    for judge in (*judges, _frames):
         try:
             yield from judge(path)
         except DataError as error:
@@ -139,7 +141,7 @@ def _sizes(boxes: Sequence[np.ndarray]) -> str:
 
 
 def _clouds(path: Path) -> Iterator[tuple[bool, str]]:
-    """Arrays [… N 3] of points in NumPy's files; pickled ones are not opened."""
+    """Arrays [… N 3] of points in NumPy's files."""
     for file in [*sorted(path.glob("**/*.npz")), *sorted(path.glob("**/*.npy"))]:
         clouds = [cloud for array in _arrays(file) for cloud in _points_of(array)]
         if clouds:
@@ -160,6 +162,32 @@ def _points_of(array: np.ndarray) -> list[np.ndarray]:
     if array.ndim < 2 or array.shape[-1] != 3 or array.shape[-2] < 100:
         return []
     return list(array.reshape(-1, *array.shape[-2:]))
+
+
+def _frames(path: Path) -> Iterator[tuple[bool, str]]:
+    """Single RGB-D frames as 6-DoF GraspNet stores them: image, depth in metres and K."""
+    distances = []
+    for file in sorted(path.glob("**/*.npy")):
+        frame = _pickled_dict(file)
+        if {"image", "depth", "intrinsics_matrix"} <= frame.keys():
+            depth = np.asarray(frame["depth"], float)
+            distances.append(float(np.median(depth[depth > 0])) if (depth > 0).any() else 0.0)
+    if distances:
+        yield (
+            min(distances) > 0.1 and max(distances) < 10,
+            f"{len(distances)} single frames in .npy files (image, depth, intrinsics_matrix), in "
+            f"the median {min(distances):.2f} to {max(distances):.2f} m away: to track in them, "
+            "write them into rgb/ and depth/ beside cam_K.txt",
+        )
+
+
+def _pickled_dict(file: Path) -> dict[str, Any]:
+    try:
+        array = read_npy(file)
+    except DataError:
+        return {}
+    held = array.item() if array.shape == () else None
+    return held if isinstance(held, dict) else {}
 
 
 def loose_images(path: Path) -> str:
