@@ -14,6 +14,7 @@ from robust6dof.network.checkpoint import save_network
 from robust6dof.network.config import preset
 from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.shapes.ycb_objects import YCB_SIDES_M
+from robust6dof.tracking import pretrained
 from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.pretrained import category_or_object, load_pretrained, shipped_weights
 from robust6dof.tracking.tracker import Tracker
@@ -39,10 +40,21 @@ def test_unknown_object_lists_what_there_is() -> None:
 def test_objects_never_fall_back_to_the_weights_of_categories() -> None:
     of_objects = {shipped_weights(name) for name in YCB_OBJECTS}
     assert len(of_objects) == 1
-    assert shipped_weights("mug") not in of_objects
-    if of_objects == {None}:
-        with pytest.raises(DataError, match="ycb-video"):
-            load_pretrained(category=MUSTARD)
+    assert of_objects.isdisjoint({shipped_weights("mug"), None})
+
+
+def test_a_build_without_weights_says_how_to_make_them(monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(pretrained, "files", lambda _package: tmp_path)
+    with pytest.raises(DataError, match="ycb-video"):
+        load_pretrained(category=MUSTARD)
+    with pytest.raises(DataError, match="ships no weights"):
+        load_pretrained(category="mug")
+
+
+def test_all_weights_in_the_box_are_small() -> None:
+    box = Path(str(shipped_weights("mug"))).parent
+    assert sum(path.stat().st_size for path in box.iterdir()) < 20e6
+    assert Tracker.from_pretrained(object=MUSTARD, device="cpu").category == MUSTARD
 
 
 def test_own_weights_follow_an_object(tmp_path: Path) -> None:
