@@ -4,12 +4,14 @@
 
 DATA holds seven_scenes_mugs/ (two mugs, depth alone; references uncertain by 1 to 3 cm),
 nocs_real275_frame/ (six objects, one frame; references derived, not the data set's) and
-tabletop_frames/ (no references: only looked at). Pictures of every start go to DIR.
+tabletop_frames/ (no references: only looked at). Pictures of every start go to DIR, as do the
+trials, one by one: what an interrupted run has done is kept and not done again.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import zlib
 from collections.abc import Iterator
@@ -28,7 +30,14 @@ from robust6dof.data.depth_unit import depth_to_metres
 from robust6dof.data.image_files import read_color, read_depth, read_mask
 from robust6dof.data.restricted_pickle import read_npy
 from robust6dof.errors import Robust6dofError
-from robust6dof.evaluation.start_accuracy import HINTS, Hint, StartCase, summarize, try_start
+from robust6dof.evaluation.start_accuracy import (
+    HINTS,
+    Hint,
+    StartCase,
+    StartTrial,
+    summarize,
+    try_start,
+)
 from robust6dof.frames import RgbdFrame, Track
 from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import make_transform
@@ -121,6 +130,40 @@ def draw(path: Path, frame: RgbdFrame, track: Track | None, truth: ObjectTruth |
     cv2.imwrite(str(path), np.ascontiguousarray(image[..., ::-1]))
 
 
+def _trials(options: argparse.Namespace) -> Iterator[StartTrial]:
+    """Each case from each kind of hint; done ones as they are in trials.jsonl."""
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / "trials.jsonl"
+    lines = path.read_text().splitlines() if path.is_file() else []
+    done = {_key(trial): trial for trial in (StartTrial(**json.loads(line)) for line in lines)}
+    hints: list[Hint] = [hint for hint in HINTS if hint != "mask"]
+    cases = itertools.chain(
+        seven_scenes_cases(options.data / "seven_scenes_mugs", options.every),
+        nocs_cases(options.data / "nocs_real275_frame"),
+    )
+    with path.open("a") as file:
+        for case, hint in itertools.product(cases, hints):
+            key = f"{case.sequence}/{case.frame.name}/{case.truth.name}/{hint}"
+            if key not in done:
+                done[key] = _try(options, case, hint, key)
+                file.write(json.dumps(asdict(done[key])) + "\n")
+                file.flush()
+            yield done[key]
+
+
+def _key(trial: StartTrial) -> str:
+    return f"{trial.sequence}/{trial.frame}/{trial.object_name}/{trial.hint}"
+
+
+def _try(options: argparse.Namespace, case: StartCase, hint: Hint, key: str) -> StartTrial:
+    rng = np.random.default_rng([0, zlib.crc32(key.encode())])
+    tracker = make_tracker(options.tracker, case.truth.category)
+    trial, track = try_start(case, hint, tracker, rng)
+    draw(options.out / f"{key.replace('/', '_')}.jpg", case.frame, track, case.truth)
+    print(f"{key}: {trial.rotation_deg:.0f}°, {trial.translation_cm:.1f} cm", flush=True)
+    return trial
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
@@ -128,22 +171,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=15, help="of the mugs' frames")
     parser.add_argument("--out", type=Path, default=Path("out/real_starts"))
     options = parser.parse_args()
-    hints: list[Hint] = [hint for hint in HINTS if hint != "mask"]
-    trials = []
-    for case in [
-        *seven_scenes_cases(options.data / "seven_scenes_mugs", options.every),
-        *nocs_cases(options.data / "nocs_real275_frame"),
-    ]:
-        for hint in hints:
-            key = f"{case.sequence}/{case.frame.name}/{case.truth.name}/{hint}"
-            rng = np.random.default_rng([0, zlib.crc32(key.encode())])
-            tracker = make_tracker(options.tracker, case.truth.category)
-            trial, track = try_start(case, hint, tracker, rng)
-            trials.append(trial)
-            draw(options.out / f"{key.replace('/', '_')}.jpg", case.frame, track, case.truth)
-            print(f"{key}: {trial.rotation_deg:.0f}°, {trial.translation_cm:.1f} cm", flush=True)
-    lines = [json.dumps(asdict(trial)) for trial in trials]
-    (options.out / "trials.jsonl").write_text("\n".join(lines) + "\n")
+    trials = list(_trials(options))
     for source in ("7-Scenes", "NOCS"):
         print(f"\n{source}\n")
         print(table(summarize([trial for trial in trials if trial.sequence.startswith(source)])))

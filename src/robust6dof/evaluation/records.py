@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from robust6dof.data.dataset import ObjectTruth
 from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.scores import Row, cumulative, mean_rows
@@ -54,15 +55,15 @@ class PoseRecord:
         return self.state is TrackState.LOST
 
 
-def by_category(record: PoseRecord) -> bool:
+def by_category(seen: PoseRecord | ObjectTruth) -> bool:
     """The usual rule of symmetry: bottle, bowl, can; never a mug."""
-    return record.category in SYMMETRIC_CATEGORIES
+    return seen.category in SYMMETRIC_CATEGORIES
 
 
-def by_category_and_handle(record: PoseRecord) -> bool:
+def by_category_and_handle(seen: PoseRecord | ObjectTruth) -> bool:
     """Bottle, bowl, can, and a mug whose handle is hidden in this frame."""
-    hidden_handle = record.category == "mug" and not record.handle_visible
-    return by_category(record) or hidden_handle
+    hidden_handle = seen.category == "mug" and not seen.handle_visible
+    return by_category(seen) or hidden_handle
 
 
 class PoseBatch:

@@ -15,12 +15,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.data.dataset import DatasetSequence, ObjectTruth
+from robust6dof.data.truth_file import AnnotatedTruth
 from robust6dof.errors import InputError, Robust6dofError
 from robust6dof.evaluation.intervals import Interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
+from robust6dof.evaluation.records import by_category_and_handle
 from robust6dof.evaluation.scores import Row
 from robust6dof.evaluation.start_noise import perturb
-from robust6dof.frames import SYMMETRIC_CATEGORIES, Box, PoseTracker, RgbdFrame, Track
+from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track
 from robust6dof.geometry.boxes import box_corners
 from robust6dof.geometry.camera import project
 from robust6dof.tracking.segmentation import segment_click
@@ -45,12 +47,9 @@ class StartCase:
 
     @property
     def symmetric(self) -> bool:
-        """No turn about y counts: by the category, or as the data set says, or with the mug's
-        handle out of sight."""
-        truth = self.truth
-        hidden_handle = truth.category == "mug" and not truth.handle_visible
-        declared = bool(getattr(truth, "symmetric", False))
-        return declared or hidden_handle or truth.category in SYMMETRIC_CATEGORIES
+        """No turn about y counts: as the data set says, or by the rule of `aerial`."""
+        declared = isinstance(self.truth, AnnotatedTruth) and self.truth.symmetric
+        return declared or by_category_and_handle(self.truth)
 
 
 @dataclass(frozen=True)
