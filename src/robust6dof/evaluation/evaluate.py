@@ -108,7 +108,7 @@ def read_stored(
     place = data or (Path(info.data) if info else None)
     if place is None:
         raise InputError(f"poses in the format '{form}' bring no truth: give --data")
-    dataset = open_with_truth(place, with_masks=False).only(sequences)
+    dataset = protocol.truth(open_with_truth(place, with_masks=False).only(sequences))
     if info is None:
         stored = Stored(
             method or path.stem,

@@ -53,7 +53,7 @@ def predict(
     """
     find_protocol(info.protocol)
     _claim(out, info)
-    dataset = _dataset(info.data, info.frames)
+    dataset = _dataset(info.data, info.frames, info.protocol)
     names = list(sequences) or [sequence.name for sequence in dataset.sequences]
     names = [dataset.sequence(name).name for name in names][shard[0] :: shard[1]]
     pending = [name for name in names if not (out / name / "done.json").is_file()]
@@ -78,12 +78,12 @@ def _claim(out: Path, info: RunInfo) -> None:
 
 
 @lru_cache(maxsize=1)
-def _dataset(path: str, frames: FrameChoice) -> Dataset:
-    return frames.of(open_with_truth(path))
+def _dataset(path: str, frames: FrameChoice, protocol: str) -> Dataset:
+    return frames.of(find_protocol(protocol).truth(open_with_truth(path)))
 
 
 def _predict_named(name: str, make_tracker: MakeTracker, info: RunInfo, out: Path) -> str:
-    sequence = _dataset(info.data, info.frames).sequence(name)
+    sequence = _dataset(info.data, info.frames, info.protocol).sequence(name)
     follow = estimate_sequence if info.single_view else predict_sequence
     outcome = follow(sequence, make_tracker, info, out / name)
     (out / name).mkdir(parents=True, exist_ok=True)

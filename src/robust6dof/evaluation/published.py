@@ -79,7 +79,7 @@ CAVEATS: dict[str, tuple[str, ...]] = {
     "6pack-fixed": ("Not comparable with published tables, which have the benchmark's bugs.",),
     "captra": (
         "CAPTRA's tables print mean IoU (here mean_IoU), which others quote as IoU25.",
-        "Its ground truth is fitted anew to the coordinate maps and differs a little.",
+        "On NOCS the truth is fitted anew to the coordinate maps and differs a little.",
     ),
     "nocs-map": (
         "The paper's mAP table and its tracking table carry the same 89.8 and 70.6.",

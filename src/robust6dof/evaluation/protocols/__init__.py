@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from robust6dof.data.dataset import Dataset
 from robust6dof.errors import InputError
+from robust6dof.evaluation.captra_truth import with_refitted_truth
 from robust6dof.evaluation.protocols import (
     aerial,
     captra,
@@ -18,6 +20,11 @@ from robust6dof.evaluation.protocols import (
 )
 from robust6dof.evaluation.scores import Scores
 from robust6dof.evaluation.start_noise import Start, exact, perturb, shift_uniformly
+
+
+def as_annotated(dataset: Dataset) -> Dataset:
+    """The data set's own truth."""
+    return dataset
 
 
 @dataclass(frozen=True)
@@ -33,6 +40,8 @@ class Protocol:
     """ADD and ADD-S want the object's points."""
     keyframes_only: bool = False
     """Only YCB-Video's keyframes count, where the data set lists them."""
+    truth: Callable[[Dataset], Dataset] = as_annotated
+    """The data set with the truth that counts, for the start and the score alike."""
 
 
 _ALL = (
@@ -40,7 +49,7 @@ _ALL = (
     Protocol("nocs-map", nocs_map.score, exact),
     Protocol("6pack", six_pack.score, shift_uniformly),
     Protocol("6pack-fixed", six_pack_fixed.score, shift_uniformly),
-    Protocol("captra", captra.score, perturb),
+    Protocol("captra", captra.score, perturb, truth=with_refitted_truth),
     Protocol("ycbv-auc", ycbv_auc.score, exact, needs_models=True, keyframes_only=True),
     Protocol("ycbineoat-auc", ycbineoat_auc.score, exact, needs_models=True),
     Protocol("wild6d", wild6d.score, exact),

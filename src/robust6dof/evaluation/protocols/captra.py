@@ -2,8 +2,8 @@
 
 Start with "Pert." noise; frame 0 excluded; no gate and no clipping; 5°5cm with ≤; the y-axis
 angle for bottle, bowl and can, geodesic for camera, laptop and mug. What its tables call IoU is
-the mean IoU, with the predicted size and `aabb_fixed`. The benchmark fits its ground truth anew
-to `*_coord.png` and depth: the reader's business.
+the mean IoU, with the predicted size and `aabb_fixed`. The ground truth of NOCS is fitted anew to
+`*_coord.png` and depth: `evaluation/captra_truth.py`.
 """
 
 from __future__ import annotations
