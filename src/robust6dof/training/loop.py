@@ -4,38 +4,42 @@ from __future__ import annotations
 
 import copy
 import json
-import os
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import torch
-import torch.distributed as dist
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 from torch.utils.data import DataLoader, Dataset, Subset
-from tqdm import tqdm
 
 from robust6dof.errors import DataError
 from robust6dof.network.checkpoint import save_network
 from robust6dof.network.config import NetworkConfig
-from robust6dof.network.robust6dof_net import PairOutput, Robust6DofNet
+from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.training.checkpoints import load_checkpoint, save_checkpoint
 from robust6dof.training.losses import LossConfig, pair_losses
 from robust6dof.training.pair_batch import PairBatch, collate
+from robust6dof.training.precision import Precision, answer
+from robust6dof.training.processes import Processes
 from robust6dof.training.recipe import Recipe
+from robust6dof.training.train_log import TrainLog
 from robust6dof.training.validation import validate
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """All that determines a training run beside its data."""
+    """All that determines a training run."""
 
     network: NetworkConfig
     recipe: Recipe = field(default_factory=Recipe)
     losses: LossConfig = field(default_factory=LossConfig)
     seed: int = 0
+    data: dict[str, Any] = field(default_factory=dict)
+    """What the pairs are made of, as JSON: a run is taken up again with the same alone."""
+    precision: Precision = "auto"
+    """Of the network's arithmetic; auto is bf16, mixed with 32 bits, on CUDA."""
     workers: int = 0
     """Processes that make the pairs; 0 makes them in the training process."""
     log_every: int = 20
@@ -46,7 +50,7 @@ class TrainConfig:
 def train(
     config: TrainConfig,
     pairs: Dataset[PairBatch],
-    held_out: Dataset[PairBatch],
+    held_out: Dataset[PairBatch] | None,
     out: Path,
     *,
     init: Robust6DofNet | None = None,
@@ -61,7 +65,7 @@ def train(
     Args:
         config: see its fields.
         pairs: indexed training pairs, at least recipe.steps · recipe.batch of them.
-        held_out: pairs of other shapes, for validation.
+        held_out: pairs of other shapes or recordings, for validation; none validates nothing.
         out: folder of results.
         init: weights to start from.
         device: of the network.
@@ -69,30 +73,37 @@ def train(
 
     Raises:
         DataError: `out` holds another configuration's run.
+        InputError: a batch that the processes cannot share evenly.
     """
-    rank, world = _join_processes(device)
-    _claim_folder(config, out, rank)
+    processes = Processes.join(device)
+    leads, device = processes.rank == 0, processes.device
+    if leads:
+        _claim_folder(config, out)
     torch.manual_seed(config.seed)
     net = (init or Robust6DofNet(config.network)).to(device).train()
     average = copy.deepcopy(net).eval()
     optimizer = torch.optim.Adam(net.parameters(), lr=config.recipe.learning_rate)
     first = load_checkpoint(out / "checkpoint", net, average, optimizer)
-    wrapped = DistributedDataParallel(net, find_unused_parameters=True) if world > 1 else net
-    batches = _batches(config, pairs, first, rank, world)
-    log = _Log(out, first, config.recipe.steps, quiet=rank > 0)
-    for step, batch in enumerate(batches, start=first):
+    if processes.of_first(first) != first:
+        raise DataError(out, "the processes found different checkpoints", "Use a folder all share")
+    several = processes.count > 1
+    wrapped = DistributedDataParallel(net, find_unused_parameters=True) if several else net
+    log = TrainLog(out, first, config.recipe.steps, quiet=not leads)
+    for step, batch in enumerate(_batches(config, pairs, first, processes), start=first):
         parts = _step(wrapped, average, optimizer, batch.to(device), config, step)
         done = step + 1
-        if rank == 0:
+        last = bool(processes.of_first(done == config.recipe.steps or stop()))
+        if leads:
             log.losses(done, parts, config.log_every)
-        last = done == config.recipe.steps or stop()
-        if rank == 0 and (last or done % config.validate_every == 0):
+        if leads and held_out is not None and (last or done % config.validate_every == 0):
             log.scores(done, validate(average, _held_out_batches(held_out, device)))
-        if rank == 0 and (last or done % config.save_every == 0):
+        if leads and (last or done % config.save_every == 0):
             save_checkpoint(out / "checkpoint", done, net, average, optimizer)
             save_network(average, out / "network")
         if last:
             break
+    log.close()
+    processes.leave()
     return average
 
 
@@ -108,9 +119,7 @@ def _step(
     recipe = config.recipe
     for group in optimizer.param_groups:
         group["lr"] = recipe.rate(step)
-    cuda = batch.prior.device.type == "cuda"
-    with torch.autocast("cuda", torch.bfloat16, enabled=cuda):
-        output: PairOutput = net(batch.previous, batch.current, batch.prior)
+    output = answer(net, batch, config.precision)
     loss, parts = pair_losses(output, batch.truth, config.losses)
     optimizer.zero_grad(set_to_none=True)
     loss.backward()
@@ -133,13 +142,13 @@ def _update_average(average: nn.Module, net: nn.Module, decay: float) -> None:
 
 
 def _batches(
-    config: TrainConfig, pairs: Dataset[PairBatch], first: int, rank: int, world: int
+    config: TrainConfig, pairs: Dataset[PairBatch], first: int, processes: Processes
 ) -> Iterator[PairBatch]:
     """This process's share of every batch, from step `first` on."""
     size = config.recipe.batch
-    share = size // world
+    share = processes.share(size)
     indices = [
-        step * size + rank * share + i
+        step * size + processes.rank * share + i
         for step in range(first, config.recipe.steps)
         for i in range(share)
     ]
@@ -163,63 +172,17 @@ def _single_thread(worker: int) -> None:
     torch.set_num_threads(1)
 
 
-def _join_processes(device: str) -> tuple[int, int]:
-    """Rank and number of processes, as torchrun set them; 0 and 1 alone."""
-    world = int(os.environ.get("WORLD_SIZE", "1"))
-    if world > 1 and not dist.is_initialized():
-        dist.init_process_group("nccl" if device.startswith("cuda") else "gloo")
-    return (dist.get_rank() if world > 1 else 0), world
-
-
-def _claim_folder(config: TrainConfig, out: Path, rank: int) -> None:
+def _claim_folder(config: TrainConfig, out: Path) -> None:
     """Write the configuration, or check that the folder's is the same."""
-    mine = json.loads(json.dumps(asdict(config)))
+    mine: dict[str, Any] = json.loads(json.dumps(asdict(config)))
     for runtime in ("workers", "log_every", "save_every", "validate_every"):
         mine.pop(runtime)
     path = out / "config.json"
-    if path.exists() and json.loads(path.read_text()) != mine:
-        raise DataError(path, "another configuration trains here", "Choose another --out")
-    if rank == 0:
-        out.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(mine, indent=2))
-
-
-class _Log:
-    """Progress on screen, `log.jsonl`, and TensorBoard where it is installed."""
-
-    def __init__(self, out: Path, first: int, steps: int, quiet: bool) -> None:
-        self._path = out / "log.jsonl"
-        self._bar = tqdm(total=steps, initial=first, disable=quiet, unit="step", mininterval=5)
-        self._start = time.monotonic()
-        self._board = None if quiet else _tensorboard(out)
-
-    def losses(self, step: int, parts: dict[str, float], every: int) -> None:
-        self._bar.update(1)
-        if step % every == 0:
-            self._bar.set_postfix(loss=f"{parts['loss']:.3f}")
-            self._write(step, parts)
-
-    def scores(self, step: int, scores: dict[str, float]) -> None:
-        self._bar.write(
-            f"step {step}: 5°5cm {scores['anchor_5deg5cm']:.1f} % from one view "
-            f"({scores['anchor_deg']:.1f}°, {scores['anchor_cm']:.1f} cm), "
-            f"step {scores['step_5deg5cm']:.1f} % ({scores['step_deg']:.1f}°), "
-            f"given {scores['start_5deg5cm']:.1f} %"
-        )
-        self._write(step, {f"validation/{name}": value for name, value in scores.items()})
-
-    def _write(self, step: int, values: dict[str, float]) -> None:
-        with self._path.open("a") as file:
-            seconds = round(time.monotonic() - self._start, 1)
-            file.write(json.dumps({"step": step, "seconds": seconds} | values) + "\n")
-        if self._board is not None:
-            for name, value in values.items():
-                self._board.add_scalar(name, value, step)
-
-
-def _tensorboard(out: Path):
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        return None
-    return SummaryWriter(str(out / "tensorboard"))
+    if path.exists():
+        there = json.loads(path.read_text())
+        other = sorted(key for key in mine | there if mine.get(key) != there.get(key))
+        if other:
+            problem = f"another configuration trains here: its {', '.join(other)} differ"
+            raise DataError(path, problem, "Choose another --out, or remove it")
+    out.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(mine, indent=2))
