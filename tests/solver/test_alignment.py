@@ -118,9 +118,44 @@ def test_torch_equals_numpy():
     assert float(scale[0]) == pytest.approx(float(s))
 
 
-def test_gradcheck_with_negligible_damping():
-    T, src, w, rng = draw(2, count=6)
-    dst = transform_points(T, src) + 0.3 * rng.standard_normal(src.shape)
-    inputs = [torch.from_numpy(x)[None].requires_grad_() for x in (src, dst, w)]
+def as_leaves(*arrays):
+    return [torch.from_numpy(np.array(x, float))[None].requires_grad_() for x in arrays]
+
+
+@pytest.mark.parametrize("kind", ["general", "plane", "symmetric", "mirrored"])
+def test_gradcheck_with_negligible_damping(kind):
+    """A plane leaves one singular value at 0, a symmetric set has three equal ones."""
+    T, src, _, rng = draw(2, count=6)
+    src = DEGENERATE.get(kind, src)
+    noise = 0.0 if kind == "plane" else 0.1
+    dst = transform_points(T, src * [1, 1, -1] if kind == "mirrored" else src)
+    dst = dst + noise * rng.standard_normal(src.shape)
+    inputs = as_leaves(src, dst, rng.random(len(src)) + 0.5)
     assert gradcheck(lambda *x: fit_rigid_torch(*x, gradient_eps=1e-9), inputs)
     assert gradcheck(lambda *x: fit_similarity_torch(*x, gradient_eps=1e-9), inputs)
+
+
+@pytest.mark.parametrize("kind", ["line", "nearly a line", "plane", "symmetric", "mirrored"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 100.0])
+def test_damped_gradients_are_bounded_whatever_the_points(kind, size):
+    """At most in the order of 1 / ε over the size of the set, at every size."""
+    rng = np.random.default_rng(4)
+    src = size * DEGENERATE.get(kind, DEGENERATE["line"] + 1e-6 * rng.standard_normal((5, 3)))
+    dst = transform_points(draw(3)[0], src * [1, 1, -1] if kind == "mirrored" else src)
+    inputs = as_leaves(src, dst + 1e-7 * size * rng.standard_normal(src.shape), np.ones(len(src)))
+    R, _ = fit_rigid_torch(*inputs, gradient_eps=0.02)
+    upstream = torch.from_numpy(rng.standard_normal((1, 3, 3)))
+    reach = max(float(x.abs().max()) for x in torch.autograd.grad(R, inputs[:2], upstream))
+    assert reach <= 50.0 * float(upstream.norm()) / np.abs(src).max()
+
+
+def test_damping_hardly_bends_the_gradient_of_well_spread_points():
+    T, src, w, rng = draw(7, count=30)
+    inputs = as_leaves(src, transform_points(T, src) + 0.1 * rng.standard_normal(src.shape), w)
+    upstream = torch.from_numpy(rng.standard_normal((1, 3, 3)))
+    damped, exact = (
+        torch.autograd.grad(fit_rigid_torch(*inputs, gradient_eps=eps)[0], inputs, upstream)
+        for eps in (0.02, 1e-9)
+    )
+    for a, b in zip(damped, exact, strict=True):
+        assert (a - b).norm() < 0.01 * b.norm()
