@@ -133,6 +133,16 @@ def test_a_folder_with_another_run_is_refused(data):
         list(predict(make_standing, info(data, seed=1), run))
 
 
+def test_a_run_that_failed_before_it_stored_anything_does_not_claim_its_folder(data):
+    def make_nothing(category, **_):
+        raise InputError("no such tracker")
+
+    run = data.parent / "run"
+    with pytest.raises(InputError, match="no such tracker"):
+        list(predict(make_nothing, info(data, seed=1), run))
+    assert list(predict(make_standing, info(data), run)) == ["a", "b"]
+
+
 def test_a_tracker_that_cannot_start_leaves_its_frames_missing(data):
     class Refusing(StandingTracker):
         def start(self, frame, **hints):

@@ -67,8 +67,9 @@ def predict(
 
 
 def _claim(out: Path, info: RunInfo) -> None:
+    """Make the folder this run's; one in which nothing was stored yet is free to take."""
     path = out / "run.json"
-    if path.is_file():
+    if path.is_file() and any(other != path for other in out.iterdir()):
         there = json.loads(path.read_text())
         if there != asdict(info):
             raise InputError(f"{out} holds another run ({there}); name another folder")
