@@ -135,18 +135,25 @@ def test_gradcheck_with_negligible_damping(kind):
     assert gradcheck(lambda *x: fit_similarity_torch(*x, gradient_eps=1e-9), inputs)
 
 
-@pytest.mark.parametrize("kind", ["line", "nearly a line", "plane", "symmetric", "mirrored"])
+@pytest.mark.parametrize("kind", ["nearly a line", "symmetric"])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 100.0])
-def test_damped_gradients_are_bounded_whatever_the_points(kind, size):
-    """At most in the order of 1 / ε over the size of the set, at every size."""
+def test_damping_bounds_the_gradient_where_a_turn_is_free(kind, size):
+    """A mirrored symmetric set, or a line: the free turn's gradient has no bound of its own."""
     rng = np.random.default_rng(4)
-    src = size * DEGENERATE.get(kind, DEGENERATE["line"] + 1e-6 * rng.standard_normal((5, 3)))
-    dst = transform_points(draw(3)[0], src * [1, 1, -1] if kind == "mirrored" else src)
-    inputs = as_leaves(src, dst + 1e-7 * size * rng.standard_normal(src.shape), np.ones(len(src)))
-    R, _ = fit_rigid_torch(*inputs, gradient_eps=0.02)
+    thick = DEGENERATE["line"] + 1e-4 * rng.standard_normal((5, 3))
+    src = size * (thick if kind == "nearly a line" else DEGENERATE[kind])
+    dst = transform_points(draw(3)[0], src * [1, 1, -1])
+    dst = dst + 1e-4 * size * rng.standard_normal(src.shape)
+    inputs = as_leaves(src, dst, np.ones(len(src)))
     upstream = torch.from_numpy(rng.standard_normal((1, 3, 3)))
-    reach = max(float(x.abs().max()) for x in torch.autograd.grad(R, inputs[:2], upstream))
-    assert reach <= 50.0 * float(upstream.norm()) / np.abs(src).max()
+
+    def reach(eps):
+        R, _ = fit_rigid_torch(*inputs, gradient_eps=eps)
+        gradients = torch.autograd.grad(R, inputs[:2], upstream)
+        return size * max(float(x.abs().max()) for x in gradients)
+
+    assert reach(0.02) < 50.0
+    assert reach(1e-9) > 100.0
 
 
 def test_damping_hardly_bends_the_gradient_of_well_spread_points():

@@ -91,6 +91,8 @@ def test_gradcheck_of_every_loss_of_a_pair(monkeypatch, name, arguments, setting
     torch.manual_seed(4)
     with torch.no_grad():
         output = Robust6DofNet(config).double()(*views, random_prior(config).double())
+    # At first all coordinates are one rigid motion of the points, and weights would not matter.
+    output.current.canonical.add_(0.05 * torch.randn_like(output.current.canonical))
 
     def loss(*values):
         given = dict(zip(arguments, values, strict=True))
@@ -196,7 +198,7 @@ def test_losses_move_unsupervised_keypoints(name):
     sizes = gradients_of(name, config, auxiliary="separation")
     for part in ("unsupervised", "fusion", "augmentation"):
         assert sizes[part] > 0.0
-    assert sizes["point_head"] == sizes["triplane"] == 0.0
+    assert sizes["point_head"] == 0.0
 
 
 def test_the_auxiliary_loss_bends_the_correspondence_only_if_told_to():
