@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from robust6dof.cli import main
+from robust6dof.cli.train import Options
+from robust6dof.training.recipe import recipe_named
 from training.rendered_recordings import write_recordings
 
 FEW = ["--preset", "tiny", "--steps", "2", "--batch", "2", "--epoch", "4", "--held-out", "2"]
@@ -31,6 +33,13 @@ def test_recordings_are_trained_on(
     assert (data["data"], data["from"]) == ("recordings", str(root.resolve()))
     rows = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
     assert "validation/anchor_5deg5cm" in rows[-1]
+
+
+def test_the_paper_is_the_default() -> None:
+    options = Options(out=Path("run"))
+    recipe = recipe_named(options.recipe)
+    assert (recipe.learning_rate, recipe.batch, recipe.steps) == (1e-3, 32, 50_000)
+    assert (recipe.schedule, recipe.clip, recipe.ema) == ("constant", 0.0, 0.0)
 
 
 def test_a_run_is_not_gone_on_with_on_other_recordings(

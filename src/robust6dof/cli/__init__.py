@@ -17,7 +17,7 @@ COMMANDS: dict[str, str] = {
     "track": "follow an object through an RGB-D recording",
     "synthesize": "make synthetic recordings with ground truth",
     "synthesize ycb-video": "render YCB-Video's real trajectories with scanned shapes",
-    "train": "train the tracker's network on the synthetic world",
+    "train": "train the tracker's network on the synthetic world or on recordings",
     "train-segmenter": "fine-tune Mask R-CNN on the synthetic world and export it to ONNX",
     "bench": "measure speed: the network alone, or the tracker from image to pose",
     "bench start": "measure how often a tracker starts rightly, by category and kind of hint",
