@@ -156,3 +156,18 @@ def test_meshes_come_from_folders_or_from_the_recordings_plan(data, tmp_path):
     (data / "a" / "plan.json").write_text(json.dumps(plan))
     drawn = find_cad_mesh(FrameChoice(every=2).of(open_with_truth(data)).sequence("a"), truth, ())
     np.testing.assert_array_equal(drawn.vertices, make_object("mug", 7).mesh.vertices)
+
+
+def test_a_recording_made_with_a_mesh_finds_it_where_it_was_taken_from(data, tmp_path):
+    plan = {"category": "mug", "shape_seed": 7, "mesh": "blue.ply"}
+    (data / "a" / "plan.json").write_text(json.dumps(plan))
+    sequence = open_with_truth(data).sequence("a")
+    truth = sequence.truth(0)[0]
+    (tmp_path / "mug").mkdir()
+    with pytest.raises(InputError, match="the one that its recording was made with"):
+        find_cad_mesh(sequence, truth, (tmp_path,))
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    box.apply_translation([0.0, 0.5, 0.0])
+    box.export(tmp_path / "mug" / "blue.ply")
+    mesh = find_cad_mesh(sequence, truth, (tmp_path,))
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), [0.05, 0.1, 0.15], atol=1e-6)

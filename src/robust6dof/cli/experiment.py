@@ -45,6 +45,9 @@ class Options(CommonOptions):
     """How often each row of an ablation is trained, with seeds from --seed on."""
     models: Path | None = None
     """Model points for ADD and ADD-S (default: models_points or models in the data set)."""
+    meshes: Path | None = None
+    """Meshes that recordings were made with (--meshes of synthesize): ADD and ADD-S are measured
+    on them where there are no model points, and oracle-icp is given them."""
     processes: int = 1
     """Sequences followed at the same time."""
 
@@ -81,6 +84,7 @@ def _setting(options: Options, out: Path) -> Setting:
         steps=options.steps,
         trainings=options.trainings,
         models=options.models,
+        meshes=options.meshes,
     )
 
 

@@ -105,9 +105,10 @@ def _point_scores(setting: Setting, stored: Stored, protocol: str) -> Scores:
         )
     records = [replace(r, category=f"{r.sequence}/{r.category}") for r in stored.records]
     points: dict[str, np.ndarray] = {}
+    folders = (setting.meshes,) if setting.meshes else ()
     for sequence in setting.dataset().sequences:
         for truth in sequence.truth(0):
-            mesh = find_cad_mesh(sequence, truth, ())
+            mesh = find_cad_mesh(sequence, truth, folders)
             drawn = sample_surface(mesh, 1500, np.random.default_rng(setting.seed))[0]
             points[f"{sequence.name}/{truth.category}"] = drawn + truth.box_center
     return score(records, points)

@@ -72,6 +72,9 @@ class Setting:
     """How often each row is trained, with seeds from `seed` on."""
     models: Path | None = None
     """Model points for ADD and ADD-S."""
+    meshes: Path | None = None
+    """Meshes for ADD and ADD-S where there are no points, and for `oracle-icp`; see
+    `find_cad_mesh`."""
 
     @property
     def trackers(self) -> tuple[str, ...]:
@@ -127,6 +130,7 @@ class Setting:
             self.seed,
             weights=str(weights.resolve()) if weights else "",
             remark=REMARKS.get(tracker, ""),
+            meshes=str(self.meshes.resolve()) if self.meshes else "",
             **given,
         )
         name = "-".join(part for part in (tracker, protocol, label) if part)
