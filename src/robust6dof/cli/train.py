@@ -142,7 +142,7 @@ def _pair_sets(options: Options, network: NetworkConfig, count: int) -> PairSets
 
     replayed = _replayed(options)
     if options.source is not None:
-        return _recorded_sets(options, network, count, replayed)
+        return _recorded_sets(options, options.source, network, count, replayed)
     if options.data in ("nocs", "recordings"):
         raise InputError(f"--data {options.data} needs its folder as --from")
     names, objects, varied = _world(options)
@@ -152,25 +152,22 @@ def _pair_sets(options: Options, network: NetworkConfig, count: int) -> PairSets
 
 
 def _recorded_sets(
-    options: Options, network: NetworkConfig, count: int, replayed: Replayed
+    options: Options, source: Path, network: NetworkConfig, count: int, replayed: Replayed
 ) -> PairSets:
     from robust6dof.data.recognition import recognise
     from robust6dof.errors import DataError, InputError
     from robust6dof.training.pair_sets import make_recorded_sets
     from robust6dof.training.recorded_clips import open_clips
 
-    assert options.source is not None
     if options.data == "aerial" or options.meshes is not None:
         raise InputError("--from goes with --data recordings, nocs or ycb-video, without --meshes")
-    kind = recognise(options.source)
+    kind = recognise(source)
     if options.data not in ("recordings", kind):
-        raise DataError(
-            options.source, f"this is {kind}, not {options.data}", "Say --data recordings"
-        )
-    clips = open_clips(options.source, options.categories, options.models)
+        raise DataError(source, f"this is {kind}, not {options.data}", "Say --data recordings")
+    clips = open_clips(source, options.categories, options.models)
     names = sorted({clip.category for clip in clips})
     recordings = len({clip.sequence.name for clip in clips})
-    print(f"{options.source}: {recordings} recordings of {', '.join(names)}", flush=True)
+    print(f"{source}: {recordings} recordings of {', '.join(names)}", flush=True)
     sizes = (options.seed, options.epoch, count, options.held_out)
     return make_recorded_sets(network, *sizes, clips, options.gap, replayed)
 
