@@ -52,6 +52,7 @@ class Processes:
         return int(said.item())
 
     def leave(self) -> None:
-        """Part from the others."""
+        """Part from the others, once all are done; one that left early was seen to hang."""
         if self.count > 1:
+            dist.barrier()
             dist.destroy_process_group()
