@@ -84,7 +84,7 @@ def test_depth_and_mask_agree_with_the_true_pose_and_extents(tmp_path: Path) -> 
     (plan,) = plan_aerial(
         seed=1, sequences=1, frames=3, categories=("mug",), difficulties=("agile",)
     )
-    folder = synthesize(plan, tmp_path)
+    folder = synthesize(plan, tmp_path / "a set" / "not there yet")
     video, truths = read_video(folder), read_truth_file(folder / FILE_NAME)
     assert len(video) == len(truths) == 3
     for index, truth in enumerate(truths):

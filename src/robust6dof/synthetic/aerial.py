@@ -45,6 +45,7 @@ def synthesize(plan: SequencePlan, out: Path) -> Path:
     (making / MOTION_FILE).write_text("".join(json.dumps(m) + "\n" for m in motions))
     (making / "plan.json").write_text(_plan_text(plan))
     shutil.rmtree(folder, ignore_errors=True)
+    out.mkdir(parents=True, exist_ok=True)
     os.replace(making, folder)
     return folder
 
