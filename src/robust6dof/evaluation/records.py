@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.data.dataset import ObjectTruth
+from robust6dof.data.truth_file import AnnotatedTruth
 from robust6dof.evaluation.intervals import bootstrap_interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.scores import Row, cumulative, mean_rows
@@ -60,10 +61,11 @@ def by_category(seen: PoseRecord | ObjectTruth) -> bool:
     return seen.category in SYMMETRIC_CATEGORIES
 
 
-def by_category_and_handle(seen: PoseRecord | ObjectTruth) -> bool:
-    """Bottle, bowl, can, and a mug whose handle is hidden in this frame."""
+def by_annotation_or_category(seen: PoseRecord | ObjectTruth) -> bool:
+    """What the data call symmetric; bottle, bowl, can; a mug whose handle this frame hides."""
+    annotated = isinstance(seen, (PoseRecord, AnnotatedTruth)) and seen.symmetric
     hidden_handle = seen.category == "mug" and not seen.handle_visible
-    return by_category(seen) or hidden_handle
+    return annotated or by_category(seen) or hidden_handle
 
 
 class PoseBatch:

@@ -15,11 +15,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.data.dataset import DatasetSequence, ObjectTruth
-from robust6dof.data.truth_file import AnnotatedTruth
 from robust6dof.errors import InputError, Robust6dofError
 from robust6dof.evaluation.intervals import Interval
 from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
-from robust6dof.evaluation.records import by_category_and_handle
+from robust6dof.evaluation.records import by_annotation_or_category
 from robust6dof.evaluation.scores import Row
 from robust6dof.evaluation.start_noise import perturb
 from robust6dof.frames import Box, PoseTracker, RgbdFrame, Track
@@ -44,12 +43,6 @@ class StartCase:
     truth: ObjectTruth
     alike: tuple[ObjectTruth, ...] = ()
     """Known others of its category in the image: the category alone may mean any of them."""
-
-    @property
-    def symmetric(self) -> bool:
-        """No turn about y counts: as the data set says, or by the rule of `aerial`."""
-        declared = isinstance(self.truth, AnnotatedTruth) and self.truth.symmetric
-        return declared or by_category_and_handle(self.truth)
 
 
 @dataclass(frozen=True)
@@ -237,6 +230,7 @@ def _errors(case: StartCase, hint: Hint, track: Track | None) -> tuple[float, fl
         meant, key=lambda one: np.linalg.norm(one.T_cam_box[:3, 3] - track.T_cam_obj[:3, 3])
     )
     ours, true = track.T_cam_obj[None], nearest.T_cam_box[None]
-    rotation_deg = float(rotation_err_deg(ours, true, np.array([case.symmetric]))[0])
+    symmetric = np.array([by_annotation_or_category(case.truth)])
+    rotation_deg = float(rotation_err_deg(ours, true, symmetric)[0])
     scale = np.nan if nearest.extents is None else float(np.linalg.norm(nearest.extents))
     return rotation_deg, float(translation_err_cm(ours, true)[0]), track.scale / scale

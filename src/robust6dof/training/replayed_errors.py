@@ -10,7 +10,7 @@ import numpy as np
 
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.errors import DataError
-from robust6dof.evaluation.records import PoseRecord, by_category_and_handle
+from robust6dof.evaluation.records import PoseRecord, by_annotation_or_category
 from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.run_records import read_run_info, records_of_run
 from robust6dof.frames import TrackState
@@ -70,7 +70,7 @@ def _error(record: PoseRecord) -> PoseError | None:
         record.category, record.T_cam_obj_true @ T_obj_box, record.extents_true if known else sides
     )
     T_est, sides = upright(record.category, record.T_cam_obj @ T_obj_box, sides)
-    symmetric = record.symmetric or by_category_and_handle(record)
+    symmetric = by_annotation_or_category(record)
     error = PoseError.between(T_true, T_est, sides / true_sides, symmetric)
     far = np.linalg.norm(error.shift_cam) > _FARTHEST * np.linalg.norm(true_sides)
     return None if far else error

@@ -13,7 +13,7 @@ from typing import get_args
 
 import numpy as np
 
-from robust6dof.evaluation.records import PoseBatch, PoseRecord, by_category_and_handle
+from robust6dof.evaluation.records import PoseBatch, PoseRecord, by_annotation_or_category
 from robust6dof.evaluation.scores import Row, Scores, mean_rows
 from robust6dof.geometry.boxes import BoxIou
 
@@ -27,7 +27,7 @@ _MEDIANS = {"R_err_deg": "R_err_deg_median", "T_err_cm": "T_err_cm_median"}
 def score(records: Sequence[PoseRecord]) -> Scores:
     """Score the counted frames; means over categories, and a 95 % interval over sequences."""
     counted = counted_records(records)
-    batch = PoseBatch(counted, [r.symmetric or by_category_and_handle(r) for r in counted])
+    batch = PoseBatch(counted, [by_annotation_or_category(r) for r in counted])
     values = frame_values(batch)
     categories = np.array([record.category for record in counted])
     sequences = np.array([record.sequence for record in counted])
