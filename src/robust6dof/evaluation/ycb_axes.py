@@ -19,6 +19,18 @@ from robust6dof.shapes.ycb_objects import R_YCBV_OBJ
 _T_YCBV_OBJ = make_transform(R_YCBV_OBJ, np.zeros(3))
 
 
+def upright_box(
+    T_cam_ycbv: Float[np.ndarray, "4 4"], extents: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"]]:
+    """`T_cam_obj` and sides in this package's axes, of a box in YCB-Video's."""
+    return T_cam_ycbv @ _T_YCBV_OBJ, other_sides(extents)
+
+
+def other_sides(extents: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """Sides along either's axes, of those along the other's: y and z change places."""
+    return np.abs(extents @ R_YCBV_OBJ)
+
+
 @dataclass
 class YcbVideoAxes:
     """A tracker that is started and read in YCB-Video's axes of the object's box."""
@@ -35,7 +47,7 @@ class YcbVideoAxes:
         extents: Float[np.ndarray, "3"] | None = None,
     ) -> Track:
         T_cam_upright = None if T_cam_obj is None else T_cam_obj @ _T_YCBV_OBJ
-        sides = None if extents is None else np.abs(extents @ R_YCBV_OBJ)
+        sides = None if extents is None else other_sides(extents)
         track = self.tracker.start(
             frame, mask=mask, box=box, T_cam_obj=T_cam_upright, extents=sides
         )
@@ -54,5 +66,5 @@ def upright_mesh(source: Callable[[], TexturedMesh]) -> TexturedMesh:
 
 def _turned(track: Track, T_obj_other: Float[np.ndarray, "4 4"]) -> Track:
     """The same box with its axes named otherwise."""
-    sides = np.abs(track.extents @ T_obj_other[:3, :3])
+    sides = other_sides(track.extents)
     return replace(track, T_cam_obj=track.T_cam_obj @ T_obj_other, extents=sides)

@@ -13,10 +13,10 @@ from jaxtyping import Float
 
 from robust6dof.data.dataset import Dataset, DatasetSequence, ObjectTruth
 from robust6dof.errors import DataError, InputError, Robust6dofWarning
+from robust6dof.evaluation.ycb_axes import other_sides, upright_box
 from robust6dof.frames import YCB_OBJECTS
-from robust6dof.geometry.transforms import make_transform
 from robust6dof.shapes.priors import load_prior
-from robust6dof.shapes.ycb_objects import R_YCBV_OBJ, known_extents
+from robust6dof.shapes.ycb_objects import known_extents
 from robust6dof.training.training_splits import open_training_split
 
 _LOOKED_AT = 3
@@ -132,7 +132,7 @@ def _extents(truth: ObjectTruth) -> Float[np.ndarray, "3"] | None:
     if truth.extents is not None:
         return truth.extents
     known = known_extents(truth.category)
-    return None if known is None else np.abs(R_YCBV_OBJ @ known)
+    return None if known is None else other_sides(known)
 
 
 def true_box(truth: ObjectTruth) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"]]:
@@ -154,9 +154,7 @@ def upright(
     category: str, T_cam_box: Float[np.ndarray, "4 4"], extents: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "3"]]:
     """A box in the axes of this package, of one in its data set's."""
-    if category not in YCB_OBJECTS:
-        return T_cam_box, extents
-    return T_cam_box @ make_transform(R_YCBV_OBJ, np.zeros(3)), np.abs(extents @ R_YCBV_OBJ)
+    return upright_box(T_cam_box, extents) if category in YCB_OBJECTS else (T_cam_box, extents)
 
 
 def split_clips(clips: Sequence[Clip], seed: int) -> tuple[list[Clip], list[Clip]]:
