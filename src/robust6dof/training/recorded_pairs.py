@@ -63,18 +63,21 @@ class RecordedPairs(DrawnPairs):
         clips = self.clips[category]
         clip = clips[int(rng.integers(len(clips)))]
         first, second = _two_frames(rng, len(clip.sequence), self.most_gap)
-        truth_prev, truth_cur = clip.truth(first), clip.truth(second)
+        truth_prev = clip.truth(first)
         if truth_prev is None:
             return None
+        truth_cur = clip.truth(second)
         if truth_cur is None:
             second, truth_cur = first, truth_prev
+        frame_prev = clip.sequence.frame(first)
+        frame_cur = frame_prev if second == first else clip.sequence.frame(second)
         T_prev, extents = true_box(truth_prev)
         errors = self.errors.draw(rng, category)
         extents_pred = extents * errors.stretch
         T_pred = errors.previous(rng, T_prev)
-        previous = self._read(rng, clip.sequence.frame(first), truth_prev, T_pred, extents_pred)
+        previous = self._read(rng, frame_prev, truth_prev, T_pred, extents_pred)
         T_pred = errors.current(rng, T_prev)
-        current = self._read(rng, clip.sequence.frame(second), truth_cur, T_pred, extents_pred)
+        current = self._read(rng, frame_cur, truth_cur, T_pred, extents_pred)
         if previous is None or current is None:
             return None
         return self._assemble(rng, category, float(np.linalg.norm(extents)), previous, current)
