@@ -148,8 +148,7 @@ def fly(options: Options, seed: int) -> Outcome:
             observers.append(stack.enter_context(video))
         poses = _pose_source(options, episode)
         flown = run_guidance(episode, manipulator, goal, poses, config, observers)
-    category = episode.world.target.category
-    outcome = judge_run(seed, category, flown, config, manipulator.arm)
+    outcome = judge_run(seed, episode.world.target.category, flown, config, manipulator.arm)
     flown.trace.write(folder / "trace.csv")
     if options.plots:
         plot_velocities(flown.trace, folder / "velocities.png")
