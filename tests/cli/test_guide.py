@@ -9,6 +9,7 @@ import pytest
 
 from robust6dof.cli import main
 
+OWN_ARM = Path(__file__).parents[1] / "robot" / "own_arm.urdf"
 SHORT = ("--time-limit", "0.3", "--processes", "1", "--category", "can")
 SUMMARY = {
     "seed", "reached", "time_s", "final_rotation_rad", "final_translation_m",
@@ -83,43 +84,22 @@ def test_a_goal_that_no_level_vehicle_holds_is_refused(tmp_path: Path, capsys):
     assert "out of the arm's reach" in capsys.readouterr().err
 
 
-ARM_OF_FOUR = """<robot name="own">
-  <link name="base"><inertial><mass value="0.1"/><inertia ixx="5e-5" iyy="5e-5" izz="5e-5"
-    ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="turret"/><link name="upper"/><link name="fore"/><link name="wrist"/>
-  <link name="camera_optical_frame"><inertial><mass value="0.07"/>
-    <inertia ixx="2e-5" iyy="2e-5" izz="2e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="yaw" type="revolute"><parent link="base"/><child link="turret"/>
-    <axis xyz="0 0 1"/><limit lower="-1.6" upper="1.6" velocity="2.5" effort="4"/></joint>
-  <joint name="shoulder" type="revolute"><parent link="turret"/><child link="upper"/>
-    <origin xyz="0 0 -0.06"/><axis xyz="0 1 0"/>
-    <limit lower="-0.6" upper="0.6" velocity="2.5" effort="4"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
-    <origin xyz="0 0 -0.12"/><axis xyz="0 1 0"/>
-    <limit lower="-0.8" upper="0.8" velocity="2.5" effort="4"/></joint>
-  <joint name="roll" type="revolute"><parent link="fore"/><child link="wrist"/>
-    <origin xyz="0.1 0 -0.02"/><axis xyz="1 0 0"/>
-    <limit lower="-1.2" upper="1.2" velocity="2.5" effort="4"/></joint>
-  <joint name="optics" type="fixed"><parent link="wrist"/><child link="camera_optical_frame"/>
-    <origin xyz="0.05 0 0" rpy="3.141592653589793 0 -1.5707963267948966"/></joint>
-</robot>"""
-
-
 def test_ones_own_arm_flies(tmp_path: Path, capsys):
-    """The turret, upper arm and wrist have no mass in the file, as is common."""
-    arm = tmp_path / "own.urdf"
-    arm.write_text(ARM_OF_FOUR)
-    arguments = ["guide", "--poses", "truth", "--no-video", "--no-plots", "--arm", str(arm)]
+    """Turret, upper arm and forearm have no mass in the file, as is common."""
+    arguments = ["guide", "--poses", "truth", "--no-video", "--no-plots", "--arm", str(OWN_ARM)]
     assert main([*arguments, "--seed", "3", "--out", str(tmp_path / "out"), *SHORT]) == 0
     settings = json.loads((tmp_path / "out" / "campaign.json").read_text())
-    assert settings["arm"] == ARM_OF_FOUR
+    assert settings["arm"] == OWN_ARM.read_text()
     summary = json.loads((tmp_path / "out" / "seed_0003" / "summary.json").read_text())
     assert summary["limits_broken"] == []
 
 
 def test_an_arm_of_three_joints_is_refused(tmp_path: Path, capsys):
     arm = tmp_path / "own.urdf"
-    arm.write_text(ARM_OF_FOUR.replace('name="roll" type="revolute"', 'name="roll" type="fixed"'))
+    text = OWN_ARM.read_text()
+    arm.write_text(
+        text.replace('name="wrist_roll" type="revolute"', 'name="wrist_roll" type="fixed"')
+    )
     arguments = ["guide", "--poses", "truth", "--arm", str(arm), "--out", str(tmp_path / "out")]
     assert main(arguments) == 1
     assert "3 joints" in capsys.readouterr().err

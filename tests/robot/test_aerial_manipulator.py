@@ -29,32 +29,7 @@ ROBOT = default_aerial_manipulator()
 LOOK_DOWN = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
 """R_cam_obj of an upright object seen from straight above."""
 
-URDF = """<robot name="as_urdf">
-  <link name="arm_base"><inertial><origin xyz="0 0 -0.01"/><mass value="0.10"/>
-    <inertia ixx="5.0e-5" iyy="5.0e-5" izz="4.0e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="turret"/><link name="upper_arm"/><link name="forearm"/><link name="wrist"/>
-  <link name="gripper"/>
-  <link name="camera_body"><inertial><mass value="0.072"/>
-    <inertia ixx="1e-5" iyy="2e-5" izz="3e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="camera_optical_frame"/>
-  <joint name="yaw" type="revolute"><parent link="arm_base"/><child link="turret"/>
-    <origin xyz="0 0 -0.025"/><axis xyz="0 0 1"/>
-    <limit lower="-1.6" upper="1.6" velocity="2.5" effort="4.1"/></joint>
-  <joint name="shoulder_pitch" type="revolute"><parent link="turret"/><child link="upper_arm"/>
-    <origin xyz="0 0 -0.035"/><axis xyz="0 2 0"/>
-    <limit lower="-0.6" upper="0.45" velocity="2.5" effort="4.1"/></joint>
-  <joint name="elbow_pitch" type="revolute"><parent link="upper_arm"/><child link="forearm"/>
-    <origin xyz="-0.06 0 -0.104"/><axis xyz="0 1 0"/>
-    <limit lower="-1.0" upper="0.45" velocity="2.5" effort="4.1"/></joint>
-  <joint name="wrist_roll" type="revolute"><parent link="forearm"/><child link="wrist"/>
-    <origin xyz="0.103366 0 -0.037622"/><axis xyz="0.939693 0 -0.342020"/>
-    <limit lower="-1.3" upper="1.3" velocity="2.5" effort="4.1"/></joint>
-  <joint name="grip" type="prismatic"><parent link="wrist"/><child link="gripper"/></joint>
-  <joint name="mount" type="fixed"><parent link="wrist"/><child link="camera_body"/>
-    <origin xyz="0.055 0 -0.025"/></joint>
-  <joint name="optics" type="fixed"><parent link="camera_body"/><child link="camera_optical_frame"/>
-    <origin rpy="3.141592653589793 0 -1.5707963267948966"/></joint>
-</robot>"""
+URDF = (Path(__file__).parent / "own_arm.urdf").read_text()
 
 
 def _write(folder: Path, text: str) -> Path:
