@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -10,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.errors import DataError
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot import velocity_transmission as transmission
 from robust6dof.robot.arm import Arm
 from robust6dof.robot.mjcf import read_mjcf_arm
 from robust6dof.robot.urdf import read_urdf_arm
+from robust6dof.robot.xml_root import read_xml_root
 
 DEFAULT_ARM = files("robust6dof.robot") / "resources" / "yaw_pitch_pitch_roll.xml"
 """The default arm's description, which the simulation builds from too."""
@@ -87,7 +86,7 @@ class AerialManipulator:
 def default_aerial_manipulator() -> AerialManipulator:
     """The default arm; its camera rests looking straight down."""
     with as_file(DEFAULT_ARM) as path:
-        return read_aerial_manipulator(path)
+        return _mounted(read_mjcf_arm(path))
 
 
 def read_aerial_manipulator(path: str | Path) -> AerialManipulator:
@@ -100,16 +99,14 @@ def read_aerial_manipulator(path: str | Path) -> AerialManipulator:
         DataError: neither format, or outside the subset that `read_urdf_arm` and `read_mjcf_arm`
             read.
     """
-    read = read_urdf_arm if _root_tag(Path(path)) == "robot" else read_mjcf_arm
-    return AerialManipulator(read(path), make_transform(np.eye(3), np.array([0.0, 0.0, -0.06])))
+    root = read_xml_root(Path(path), "the arm as URDF or MJCF")
+    return _mounted(read_urdf_arm(path) if root.tag == "robot" else read_mjcf_arm(path))
 
 
-def _root_tag(path: Path) -> str:
-    try:
-        return ET.parse(path).getroot().tag
-    except (OSError, ET.ParseError) as problem:
-        remedy = "Give the arm as URDF or MJCF"
-        raise DataError(path, f"not readable as XML ({problem})", remedy) from None
+def _mounted(arm: Arm, R_body_base: Float[np.ndarray, "3 3"] | None = None) -> AerialManipulator:
+    """With the arm's base 6 cm below the body's origin; its axes are the body's if not given."""
+    R = np.eye(3) if R_body_base is None else R_body_base
+    return AerialManipulator(arm, make_transform(R, np.array([0.0, 0.0, -0.06])))
 
 
 def open_manipulator_x(mjcf_path: str | Path) -> AerialManipulator:
@@ -131,5 +128,4 @@ def open_manipulator_x(mjcf_path: str | Path) -> AerialManipulator:
         rest=np.array([0.0, -0.5, -0.2, -0.87]),
         max_rate=2.5,
     )
-    hang = np.diag([1.0, -1.0, -1.0])
-    return AerialManipulator(arm, make_transform(hang, np.array([0.0, 0.0, -0.06])))
+    return _mounted(arm, R_body_base=np.diag([1.0, -1.0, -1.0]))

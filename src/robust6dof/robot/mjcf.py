@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from robust6dof.errors import DataError
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot.arm import Arm, Joint, Link, Segment, build_arm
+from robust6dof.robot.xml_root import read_xml_root
 
 
 def read_mjcf_arm(
@@ -74,10 +75,7 @@ class _Model:
 
     @classmethod
     def read(cls, path: Path) -> _Model:
-        try:
-            root = ET.parse(path).getroot()
-        except (OSError, ET.ParseError) as problem:
-            raise DataError(path, f"not readable as XML ({problem})", "Give an MJCF file") from None
+        root = read_xml_root(path, "an MJCF file")
         if root.tag != "mujoco":
             raise DataError(path, f"the root is <{root.tag}>", "Give an MJCF file (<mujoco>)")
         return cls(path, root, {child: parent for parent in root.iter() for child in parent})

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from robust6dof.errors import DataError
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot.arm import Arm, Joint, Link, Segment, build_arm
+from robust6dof.robot.xml_root import read_xml_root
 
 
 def read_urdf_arm(
@@ -38,10 +39,7 @@ def read_urdf_arm(
             no limits.
     """
     path = Path(path)
-    try:
-        root = ET.parse(path).getroot()
-    except (OSError, ET.ParseError) as problem:
-        raise DataError(path, f"not readable as XML ({problem})", "Give a URDF file") from None
+    root = read_xml_root(path, "a URDF file")
     links = {link.get("name", ""): link for link in root.findall("link")}
     if root.tag != "robot" or camera not in links:
         raise DataError(path, f"no link '{camera}'", f"It has {', '.join(links) or 'no links'}")
