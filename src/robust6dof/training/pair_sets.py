@@ -47,12 +47,11 @@ def make_pair_sets(
         replayed: a tracker's own errors, for a share of the predictions trained with.
     """
     pairs = SyntheticPairs(
-        *_rich(network), seed, epoch, config, categories, objects, replayed=replayed
+        *_view_and_prior(network, 2), seed, epoch, config, categories, objects, replayed=replayed
     )
-    view = ViewConfig(points=network.points, crop_px=network.crop_px)
     unseen = replace(config or PairConfig(), first_object=_FIRST_HELD_OUT)
     others = SyntheticPairs(
-        view, network.prior_points, seed + 1, held_out, unseen, categories, objects
+        *_view_and_prior(network), seed + 1, held_out, unseen, categories, objects
     )
     return RepeatedPairs(pairs, epoch, network.points, network.prior_points, count), others
 
@@ -89,16 +88,16 @@ def make_recorded_sets(
             "another, or train without validation (--held-out 0)"
         )
     pairs = RecordedPairs(
-        learned, *_rich(network), seed, epoch, most_gap=most_gap, replayed=replayed
+        learned, *_view_and_prior(network, 2), seed, epoch, most_gap=most_gap, replayed=replayed
     )
     repeated = RepeatedPairs(pairs, epoch, network.points, network.prior_points, count)
     if not held_out:
         return repeated, None
-    view = ViewConfig(points=network.points, crop_px=network.crop_px)
-    return repeated, RecordedPairs(kept, view, network.prior_points, seed + 1, held_out, most_gap)
+    return repeated, RecordedPairs(kept, *_view_and_prior(network), seed + 1, held_out, most_gap)
 
 
-def _rich(network: NetworkConfig) -> tuple[ViewConfig, int]:
-    """Views and prior with twice the points, for `RepeatedPairs` to choose from."""
-    view = ViewConfig(points=2 * network.points, crop_px=network.crop_px)
-    return view, 2 * network.prior_points
+def _view_and_prior(network: NetworkConfig, times: int = 1) -> tuple[ViewConfig, int]:
+    """View and number of prior points, `times` those of the network; `RepeatedPairs` chooses from
+    twice as many."""
+    view = ViewConfig(points=times * network.points, crop_px=network.crop_px)
+    return view, times * network.prior_points
