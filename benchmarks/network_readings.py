@@ -13,11 +13,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import torch
+from torch.utils.data import DataLoader, Dataset
 
 from robust6dof.network.config import NetworkConfig, preset
 from robust6dof.network.robust6dof_net import Robust6DofNet
+from robust6dof.training.loop import TrainConfig, train
 from robust6dof.training.losses import LossConfig, pair_losses
 from robust6dof.training.pair_batch import PairBatch, collate
 from robust6dof.training.pair_sets import make_pair_sets
@@ -69,40 +72,27 @@ def main() -> None:
     done = json.loads(options.out.read_text()) if options.out.exists() else {}
     count = options.steps * options.batch
     pairs, others = make_pair_sets(NETWORK, 0, options.pairs, count, options.held_out)
-    held_out = [
-        collate([others[i] for i in range(k, min(k + 16, len(others)))])
-        for k in range(0, len(others), 16)
-    ]
+    held_out = list(DataLoader(others, batch_size=16, collate_fn=collate))
     for seed in options.seeds:
         for name in options.only:
             key = f"{name}/{seed}"
             if key in done:
                 continue
-            batches = (
-                collate([pairs[i] for i in range(s * options.batch, (s + 1) * options.batch)])
-                for s in range(options.steps)
-            )
-            done[key] = score(train(name, seed, batches, options.steps), held_out)
+            net = train_reading(name, seed, options.steps, options.batch, pairs)
+            done[key] = score(net, held_out)
             print(key, {k: round(v, 4) for k, v in done[key].items()}, flush=True)
             options.out.write_text(json.dumps(done, indent=1))
 
 
-def train(name: str, seed: int, batches, steps: int) -> Robust6DofNet:
-    """A network of this reading after one pass over the batches: Adam, falling rate, clipping."""
+def train_reading(
+    name: str, seed: int, steps: int, batch: int, pairs: Dataset[PairBatch]
+) -> Robust6DofNet:
+    """A network of this reading after one pass over the pairs."""
     network, losses = READINGS[name]
-    torch.manual_seed(seed)
-    net = Robust6DofNet(network)
-    optimizer = torch.optim.Adam(net.parameters(), 2e-3)
-    recipe = Recipe(learning_rate=2e-3, steps=steps, schedule="cosine")
-    for step, batch in enumerate(batches):
-        for group in optimizer.param_groups:
-            group["lr"] = recipe.rate(step)
-        loss, _ = pair_losses(net(batch.previous, batch.current, batch.prior), batch.truth, losses)
-        optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
-        optimizer.step()
-    return net.eval()
+    recipe = Recipe(learning_rate=2e-3, batch=batch, steps=steps, schedule="cosine", clip=1.0)
+    config = TrainConfig(network, recipe, losses, seed)
+    with TemporaryDirectory() as folder:
+        return train(config, pairs, None, Path(folder))
 
 
 @torch.no_grad()
