@@ -6,7 +6,6 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import cv2
@@ -27,8 +26,8 @@ def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
 
     Nothing where there is nothing that this package reads.
     """
-    judges = (_trajectories, _pose_packs, _model_points, _keyframes, _robots, _meshes, _clouds)
-    for judge in (*judges, _frames):
+    judges = (_trajectories, _pose_packs, _model_points, _keyframes, _robots, _meshes, _arrays)
+    for judge in judges:
         try:
             yield from judge(path)
         except DataError as error:
@@ -140,38 +139,17 @@ def _sizes(boxes: Sequence[np.ndarray]) -> str:
     return f"largest sides {sides.min():.2f} to {sides.max():.2f} m"
 
 
-def _clouds(path: Path) -> Iterator[tuple[bool, str]]:
-    """Arrays [… N 3] of points in NumPy's files."""
+def _arrays(path: Path) -> Iterator[tuple[bool, str]]:
+    """What NumPy's files hold: arrays [… N 3] of points, and single RGB-D frames."""
+    distances = []
     for file in [*sorted(path.glob("**/*.npz")), *sorted(path.glob("**/*.npy"))]:
-        clouds = [cloud for array in _arrays(file) for cloud in _points_of(array)]
+        arrays = _read_arrays(file)
+        clouds = [cloud for array in arrays for cloud in _points_of(array)]
         if clouds:
             boxes = [np.ptp(cloud, axis=0) for cloud in clouds]
             text = f"{file.name}: {len(clouds)} clouds of {len(clouds[0]):,} points"
             yield float(np.max(boxes)) < 5, f"{text}, {_sizes(boxes)}"
-
-
-def _arrays(file: Path) -> list[np.ndarray]:
-    try:
-        loaded = np.load(file, allow_pickle=False)
-        return [loaded] if isinstance(loaded, np.ndarray) else [loaded[k] for k in loaded.files]
-    except (ValueError, OSError):
-        return []
-
-
-def _points_of(array: np.ndarray) -> list[np.ndarray]:
-    if array.ndim < 2 or array.shape[-1] != 3 or array.shape[-2] < 100:
-        return []
-    return list(array.reshape(-1, *array.shape[-2:]))
-
-
-def _frames(path: Path) -> Iterator[tuple[bool, str]]:
-    """Single RGB-D frames as 6-DoF GraspNet stores them: image, depth in metres and K."""
-    distances = []
-    for file in sorted(path.glob("**/*.npy")):
-        frame = _pickled_dict(file)
-        if {"image", "depth", "intrinsics_matrix"} <= frame.keys():
-            depth = np.asarray(frame["depth"], float)
-            distances.append(float(np.median(depth[depth > 0])) if (depth > 0).any() else 0.0)
+        distances += [distance for array in arrays for distance in _frame_distance(array)]
     if distances:
         yield (
             min(distances) > 0.1 and max(distances) < 10,
@@ -181,13 +159,29 @@ def _frames(path: Path) -> Iterator[tuple[bool, str]]:
         )
 
 
-def _pickled_dict(file: Path) -> dict[str, Any]:
+def _read_arrays(file: Path) -> list[np.ndarray]:
+    """None of an archive with pickled ones, or of a file that cannot be read."""
     try:
-        array = read_npy(file)
-    except DataError:
-        return {}
-    held = array.item() if array.shape == () else None
-    return held if isinstance(held, dict) else {}
+        loaded = read_npy(file) if file.suffix == ".npy" else np.load(file, allow_pickle=False)
+        return [loaded] if isinstance(loaded, np.ndarray) else [loaded[k] for k in loaded.files]
+    except (DataError, ValueError, OSError):
+        return []
+
+
+def _points_of(array: np.ndarray) -> list[np.ndarray]:
+    pickled = array.dtype.hasobject
+    if pickled or array.ndim < 2 or array.shape[-1] != 3 or array.shape[-2] < 100:
+        return []
+    return list(array.reshape(-1, *array.shape[-2:]))
+
+
+def _frame_distance(array: np.ndarray) -> list[float]:
+    """Median depth [m] of a frame as 6-DoF GraspNet stores it: image, depth in metres and K."""
+    frame = array.item() if array.shape == () else None
+    if not isinstance(frame, dict) or not {"image", "depth", "intrinsics_matrix"} <= frame.keys():
+        return []
+    depth = np.asarray(frame["depth"], float)
+    return [float(np.median(depth[depth > 0])) if (depth > 0).any() else 0.0]
 
 
 def loose_images(path: Path) -> str:
