@@ -91,6 +91,21 @@ def test_frames_in_arrays_are_judged_by_their_distance(tmp_path):
     assert not sound
 
 
+def test_a_damaged_archive_is_a_problem_that_hides_nothing_else(tmp_path):
+    points = np.random.default_rng(0).random((200, 3))
+    for name in ("a.npz", "b_poses_by_video.npz", "c.npz"):
+        np.savez_compressed(tmp_path / name, points)
+    content = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(content[:1000])
+    (tmp_path / "b_poses_by_video.npz").write_bytes(content[:300] + bytes(100) + content[400:])
+    told = list(other_contents(tmp_path))
+    assert {text.split(":")[0].split("/")[-1] for sound, text in told if not sound} == {
+        "a.npz",
+        "b_poses_by_video.npz",
+    }
+    assert [text for sound, text in told if sound and "c.npz: 1 clouds" in text]
+
+
 def test_images_beside_other_contents_are_not_passed_over(tmp_path):
     np.save(tmp_path / "clouds.npy", np.random.default_rng(0).random((200, 3)))
     cv2.imwrite(str(tmp_path / "d.png"), np.full((8, 8), 700, np.uint16))

@@ -4,6 +4,7 @@ robots."""
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -36,9 +37,11 @@ def other_contents(path: Path) -> Iterator[tuple[bool, str]]:
 
 def _trajectories(path: Path) -> Iterator[tuple[bool, str]]:
     for file in sorted(path.glob("*_poses_by_video.npz")):
-        with np.load(file) as arrays:
-            videos = {key.split("/")[0] for key in arrays.files}
-            rows = np.concatenate([arrays[key] for key in arrays.files])
+        arrays = _read_npz(file)
+        if not arrays:
+            continue
+        videos = {key.split("/")[0] for key in arrays}
+        rows = np.concatenate(list(arrays.values()))
         far = float(np.abs(rows[:, 4:]).max())
         unit = float(np.abs(np.linalg.norm(rows[:, :4], axis=1) - 1).max())
         text = (
@@ -143,7 +146,11 @@ def _arrays(path: Path) -> Iterator[tuple[bool, str]]:
     """What NumPy's files hold: arrays [… N 3] of points, and single RGB-D frames."""
     distances = []
     for file in [*sorted(path.glob("**/*.npz")), *sorted(path.glob("**/*.npy"))]:
-        arrays = _read_arrays(file)
+        try:
+            arrays = list(_read_npz(file).values()) if file.suffix == ".npz" else _read_npy(file)
+        except DataError as error:
+            yield False, str(error)
+            continue
         clouds = [cloud for array in arrays for cloud in _points_of(array)]
         if clouds:
             boxes = [np.ptp(cloud, axis=0) for cloud in clouds]
@@ -159,12 +166,26 @@ def _arrays(path: Path) -> Iterator[tuple[bool, str]]:
         )
 
 
-def _read_arrays(file: Path) -> list[np.ndarray]:
-    """None of an archive with pickled ones, or of a file that cannot be read."""
+def _read_npz(file: Path) -> dict[str, np.ndarray]:
+    """By name; empty where an array is pickled.
+
+    Raises:
+        DataError: truncated or damaged.
+    """
     try:
-        loaded = read_npy(file) if file.suffix == ".npy" else np.load(file, allow_pickle=False)
-        return [loaded] if isinstance(loaded, np.ndarray) else [loaded[k] for k in loaded.files]
-    except (DataError, ValueError, OSError):
+        with np.load(file, allow_pickle=False) as arrays:
+            return {key: arrays[key] for key in arrays.files}
+    except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise DataError(file, f"truncated or damaged ({error})", "Get it again") from error
+    except (ValueError, OSError):
+        return {}
+
+
+def _read_npy(file: Path) -> list[np.ndarray]:
+    """None where the file holds anything but arrays and builtin containers."""
+    try:
+        return [read_npy(file)]
+    except DataError:
         return []
 
 
