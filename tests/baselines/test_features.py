@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from baselines.tabletop_scene import HEIGHT, WIDTH, K, approach, look_at_object, make_tabletop
-from robust6dof.baselines.feature_view import FeatureConfig, Features, find_features, match
+from robust6dof.baselines.feature_view import find_features
 from robust6dof.baselines.features import FeatureTracker
 from robust6dof.errors import InputError
 from robust6dof.frames import RgbdFrame, TrackState
 from robust6dof.geometry.transforms import axis_error, invert_transform, transform_points
+from robust6dof.tracking.image_features import FeatureConfig, Features, match
 
 SCENE = make_tabletop("can", 3)
 NEAR = look_at_object(0.7, 0.7, 0.6)
@@ -39,7 +40,7 @@ def test_matches_are_mutual_and_clear():
     descriptors = rng.random((6, 128), dtype=np.float32)
     descriptors /= np.linalg.norm(descriptors, axis=1, keepdims=True)
     descriptors[4] = descriptors[5]  # two alike: neither is clear
-    old = Features(rng.random((6, 3)), descriptors)
+    old = Features(rng.random((6, 3)), descriptors, np.zeros((6, 2), int))
     order = np.array([3, 0, 5, 1, 2, 4])
     pairs = match(old, old[order], 0.9)
     assert {tuple(pair) for pair in pairs} == {

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robust6dof.baselines.feature_view import Features
 from robust6dof.geometry.transforms import invert_transform, view_direction
+from robust6dof.tracking.image_features import Features
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.support_plane import Plane

@@ -21,11 +21,12 @@ from robust6dof.baselines.feature_memory import (
     StoredView,
     store_view,
 )
-from robust6dof.baselines.feature_view import FeatureConfig, Features, find_features, match
+from robust6dof.baselines.feature_view import find_features
 from robust6dof.errors import InputError
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
 from robust6dof.geometry.transforms import check_transform, invert_transform
 from robust6dof.solver.rigid_ransac import ransac_rigid
+from robust6dof.tracking.image_features import FeatureConfig, Features, match
 from robust6dof.tracking.initialisation import NOTHING_THERE, find_initial_pose
 from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.region import depth_noise

@@ -51,7 +51,9 @@ class Rescue:
         if look.surface.confidence >= trust:
             looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
-        if not lost:
+        if lost:
+            believed = [one for one in believed if self._is_in_place(one, memory)]
+        else:
             believed.append(look)
         if not believed:
             return Look(self._held(look.surface, memory), None)
@@ -80,17 +82,26 @@ class Rescue:
         proposals = []
         if look.sight is not None:
             proposals.append(self._matched(frame, T_cam_pred, look.sight.features, memory))
-        if lost:
-            scale, recovery = memory.canonical.scale, self._config.recovery
-            color = memory.surface.memory.surface.mean_color
-            T_cam_last = memory.T_cam_obj(memory.surface)
-            guesses = poses_to_try(
-                frame, T_cam_last, scale, color, self._encoder.symmetric, recovery
-            )
-            proposals += seen_poses(
-                self._encoder, frame, guesses, memory.extents, memory.frames, recovery
-            )
+        if lost and memory.place.worth_a_search(frame, self._config.place):
+            proposals += self._found_in_image(frame, memory)
         return proposals
+
+    def _found_in_image(
+        self, frame: RgbdFrame, memory: TrackerMemory
+    ) -> list[Float[np.ndarray, "4 4"]]:
+        """What the network sees of all that could be the object."""
+        scale, config = memory.canonical.scale, self._config
+        color = memory.surface.memory.surface.mean_color
+        T_cam_last = memory.T_cam_obj(memory.surface)
+        guesses = poses_to_try(
+            frame, T_cam_last, scale, color, self._encoder.symmetric, config.recovery
+        )
+        guesses = [T for T in guesses if memory.place.may_hold(T, config.place)]
+        if memory.place.T_cam_obj is not None:
+            guesses.insert(0, T_cam_last)
+        return seen_poses(
+            self._encoder, frame, guesses, memory.extents, memory.frames, config.recovery
+        )
 
     @torch.inference_mode()
     def _matched(
@@ -119,10 +130,10 @@ class Rescue:
     ) -> Track:
         """Registration that begins with the object here and at rest."""
         T_cam_model = T_cam_obj @ invert_transform(memory.canonical.T_model_obj)
-        rested = replace(memory.surface.memory, motion=Motion.at_rest())
-        return self._surface.step(
-            replace(memory.surface, T_cam_obj=T_cam_model, memory=rested), frame, learn=False
-        )
+        return self._surface.step(memory.surface_at(T_cam_model), frame, learn=False)
+
+    def _is_in_place(self, look: Look, memory: TrackerMemory) -> bool:
+        return memory.place.may_hold(look.surface.T_cam_obj, self._config.place)
 
     def _is_confirmed(self, look: Look, memory: TrackerMemory) -> bool:
         """Whether the network, looking there, sees the object as it is registered."""

@@ -28,6 +28,7 @@ from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.look import Look, Sight, look_request
 from robust6dof.tracking.motion import seconds_between
+from robust6dof.tracking.place import PlaceMemory
 from robust6dof.tracking.pretrained import category_or_object
 from robust6dof.tracking.rescue import Rescue
 from robust6dof.tracking.states import next_state
@@ -46,6 +47,8 @@ class BegunStep:
     """Registered to the new frame."""
     looks: bool
     """The network is due; it has nothing to look at where there is no request."""
+    lost: bool = False
+    """The object was lost, or it is too long ago that it was seen."""
     request: ViewRequest | None = None
 
 
@@ -132,6 +135,7 @@ class Tracker:
         confidence = self._confidence(surface, evidence)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
+        place = PlaceMemory().after_sight(frame, surface.T_cam_obj, False, self.config.place)
         return Track(
             T_cam_obj=T_cam_obj,
             extents=extents,
@@ -139,7 +143,7 @@ class Tracker:
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
-            memory=TrackerMemory(surface, canonical, shape, first, views, evidence),
+            memory=TrackerMemory(surface, canonical, shape, first, views, evidence, place),
         )
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
@@ -152,13 +156,18 @@ class Tracker:
         memory: TrackerMemory = track.memory
         seconds = seconds_between(track.stamp, frame.stamp)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
-        due = memory.frames % self.config.look_every == 0 or track.state is not TrackState.TRACKING
-        learn = track.state is TrackState.TRACKING and (self.config.look_every == 1 or not due)
+        jumped = seconds > self.config.jump_s
+        sure = track.state is TrackState.TRACKING and not jumped
+        lost = self.config.recover and (track.state is TrackState.LOST or jumped)
+        if self.config.recover and not sure:
+            memory = memory.following_place(frame, seconds, self.config.place, lost)
+        due = not sure or memory.frames % self.config.look_every == 0
+        learn = sure and (self.config.look_every == 1 or not due)
         surface = self._surface.step(memory.surface, frame, learn=learn)
         if not due and surface.confidence >= self.config.surface_trust:
             return BegunStep(track, memory, surface, looks=False)
         request = look_request(self._encoder, frame, surface, memory)
-        return BegunStep(track, memory, surface, looks=True, request=request)
+        return BegunStep(track, memory, surface, looks=True, lost=lost, request=request)
 
     def finish(self, begun: BegunStep, frame: RgbdFrame, answer: ViewFeatures | None) -> Track:
         """The second half of `step`, with the network's answer to the request."""
@@ -166,11 +175,12 @@ class Tracker:
         if not begun.looks:
             return self._updated(track, frame, replace(memory, surface=surface), None)
         look = Look.answered(self._encoder, surface, memory, answer)
-        return self._looked(track, frame, look, memory)
+        return self._looked(track, frame, look, memory, begun.lost)
 
-    def _looked(self, track: Track, frame: RgbdFrame, look: Look, memory: TrackerMemory) -> Track:
+    def _looked(
+        self, track: Track, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
+    ) -> Track:
         """The registration's track after the network's look at the frame."""
-        lost = track.state is TrackState.LOST and self.config.recover
         if lost or look.surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, lost)
         memory = replace(memory, surface=look.surface, evidence=None)
@@ -224,12 +234,20 @@ class Tracker:
             view = Keyframe(features, T_cam_obj, confidence)
             views = memory.views.with_view(view) if count.good else memory.views
             memory = replace(memory, last=view, views=views)
+        state = next_state(track.state, count, self.config.states)
+        if state is TrackState.TRACKING:
+            memory = replace(memory, place=self._place_seen(frame, memory))
         return replace(
             track,
             T_cam_obj=T_cam_obj,
             extents=memory.extents,
             confidence=confidence,
-            state=next_state(track.state, count, self.config.states),
+            state=state,
             stamp=frame.stamp,
             memory=memory,
         )
+
+    def _place_seen(self, frame: RgbdFrame, memory: TrackerMemory) -> PlaceMemory:
+        surface = memory.surface
+        moving = surface.memory.surroundings is None
+        return memory.place.after_sight(frame, surface.T_cam_obj, moving, self.config.place)

@@ -13,6 +13,7 @@ from robust6dof.tracking.canonical_frame import (
 from robust6dof.tracking.confidence import TRACK_CONFIDENCE, ConfidenceModel
 from robust6dof.tracking.first_look import FirstLookConfig
 from robust6dof.tracking.joint_pose import JointPoseConfig
+from robust6dof.tracking.place import PlaceConfig
 from robust6dof.tracking.recovery import RecoveryConfig
 from robust6dof.tracking.states import StateRules
 from robust6dof.tracking.surface.icp_config import IcpConfig
@@ -46,5 +47,8 @@ class TrackerConfig:
     recover: bool = True
     """Look for a lost object in the whole image, and believe only what is confirmed."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
+    place: PlaceConfig = field(default_factory=PlaceConfig)
+    jump_s: float = 0.25
+    """After a longer gap between two frames the object is taken for lost."""
     memory_capacity: int = 12
     """Views kept to be matched."""

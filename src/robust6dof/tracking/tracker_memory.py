@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from robust6dof.frames import Track
+from robust6dof.frames import RgbdFrame, Track
 from robust6dof.tracking.canonical_frame import CanonicalFrame
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
+from robust6dof.tracking.motion import Motion
+from robust6dof.tracking.place import PlaceConfig, PlaceMemory
 from robust6dof.tracking.states import StateCount
 
 
@@ -26,6 +28,8 @@ class TrackerMemory:
     views: KeyframeMemory
     evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
+    place: PlaceMemory
+    """Of the registration's model frame."""
     count: StateCount = field(default_factory=StateCount)
     seconds: float = 0.0
     """Since the start."""
@@ -39,3 +43,18 @@ class TrackerMemory:
     def T_cam_obj(self, surface: Track) -> Float[np.ndarray, "4 4"]:
         """The object where the registration puts its surface."""
         return surface.T_cam_obj @ self.canonical.T_model_obj
+
+    def following_place(
+        self, frame: RgbdFrame, seconds: float, config: PlaceConfig, lost: bool
+    ) -> TrackerMemory:
+        """The object is in doubt; where it is lost, it stays in its place, if that is known."""
+        place = self.place.after_loss(frame, seconds, config)
+        memory = replace(self, place=place)
+        if not lost or place.T_cam_obj is None:
+            return memory
+        return replace(memory, surface=self.surface_at(place.T_cam_obj))
+
+    def surface_at(self, T_cam_model: Float[np.ndarray, "4 4"]) -> Track:
+        """The registration's track with its surface here and at rest."""
+        rested = replace(self.surface.memory, motion=Motion.at_rest())
+        return replace(self.surface, T_cam_obj=T_cam_model, memory=rested)

@@ -1,0 +1,150 @@
+"""Where an object that is out of sight should be, by what stands around it.
+
+While the object is tracked, some frames are kept as they are. Once it is lost, the features of
+these whole images are matched with the new frame's (PnP and RANSAC): the place where it stood is
+followed while the camera looks elsewhere, and recognised when it looks back. How far from there
+the object may be grows with the time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.camera import project
+from robust6dof.solver.pnp import ransac_pnp
+from robust6dof.tracking.image_features import FeatureConfig, Features, detect_features, match
+
+
+@dataclass(frozen=True)
+class PlaceConfig:
+    """How the place of a lost object is remembered."""
+
+    features: FeatureConfig = field(default_factory=lambda: FeatureConfig(most=400))
+    least_inliers: int = 12
+    """Matches that agree, or the surroundings are not recognised."""
+    inlier_px: float = 3.0
+    kept_every: int = 10
+    """One in so many frames is kept besides the last, …"""
+    kept: int = 3
+    """… the newest of these."""
+    reach_m: float = 0.1
+    """An object that stood still is looked for within this of its place, …"""
+    speed: float = 0.15
+    """… and farther by this as time goes by [m/s]; …"""
+    moving_speed: float = 0.5
+    """… by this if it was moving."""
+    patience_s: float = 0.5
+    """Where it is not known for longer, the object is looked for everywhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlace:
+    """A past frame and where the object was, or should have been, in it."""
+
+    frame: RgbdFrame
+    T_cam_obj: Float[np.ndarray, "4 4"]
+    features: Features | None = None
+    """Of the whole image; found when they are needed."""
+
+    def described(self, config: PlaceConfig) -> SeenPlace:
+        """With its features."""
+        if self.features is not None:
+            return self
+        return replace(self, features=_features(self.frame, config))
+
+    def recognised_in(
+        self, frame: RgbdFrame, features: Features, config: PlaceConfig
+    ) -> SeenPlace | None:
+        """`frame`, and where the object should be in it, if it stood still; None where too few of
+        the features agree."""
+        assert self.features is not None
+        pairs = match(self.features, features, config.features.ratio)
+        if len(pairs) < config.least_inliers:
+            return None
+        old, new = pairs.T
+        fit = ransac_pnp(
+            self.features.points[old], features.pixels[new].astype(float), frame.K, config.inlier_px
+        )
+        if fit is None or fit.inliers.sum() < config.least_inliers:
+            return None
+        return SeenPlace(frame, fit.T_dst_src @ self.T_cam_obj, features)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceMemory:
+    """Immutable; each frame makes a new one."""
+
+    seen: tuple[SeenPlace, ...] = ()
+    """Frames with the object, the newest last."""
+    followed: SeenPlace | None = None
+    """The newest frame since then whose surroundings were recognised."""
+    T_cam_obj: Float[np.ndarray, "4 4"] | None = None
+    """Where the lost object should be in the newest frame; None where that is not known."""
+    moving: bool = False
+    """Whether it moved among its surroundings when it was last seen."""
+    seconds: float = 0.0
+    """Since it was last seen."""
+    unknown_s: float = 0.0
+    """Since its place was last known."""
+    frames: int = 0
+    """In which it was seen without a break."""
+
+    def after_sight(
+        self,
+        frame: RgbdFrame,
+        T_cam_obj: Float[np.ndarray, "4 4"],
+        moving: bool,
+        config: PlaceConfig,
+    ) -> PlaceMemory:
+        """The object is seen in `frame`."""
+        keeps_last = self.frames % config.kept_every == 0
+        kept = self.seen if keeps_last else self.seen[:-1]
+        seen = (*kept[-config.kept :], SeenPlace(frame, T_cam_obj))
+        return PlaceMemory(seen, moving=moving, frames=self.frames + 1)
+
+    def after_loss(self, frame: RgbdFrame, seconds: float, config: PlaceConfig) -> PlaceMemory:
+        """The object is lost or in doubt, `seconds` after the frame before: follow its place."""
+        features = _features(frame, config)
+        seen = tuple(view.described(config) for view in self.seen)
+        memory = replace(self, seen=seen, seconds=self.seconds + seconds, frames=0, T_cam_obj=None)
+        followed = () if self.followed is None else (self.followed,)
+        # The frames that show the object come first: what is followed from frame to frame drifts.
+        for view in (*reversed(seen), *followed):
+            here = view.recognised_in(frame, features, config)
+            if here is not None:
+                return replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
+        unknown_s = self.unknown_s + seconds if frame.has_color else np.inf
+        return replace(memory, unknown_s=unknown_s)
+
+    def may_hold(self, T_cam_obj: Float[np.ndarray, "4 4"], config: PlaceConfig) -> bool:
+        """Whether the object may be here by now; anywhere where its place is not known."""
+        if self.T_cam_obj is None:
+            return True
+        gap = float(np.linalg.norm(T_cam_obj[:3, 3] - self.T_cam_obj[:3, 3]))
+        return gap < self._reach(config)
+
+    def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
+        """Whether the object may be in view; not while the image is too blurred to say."""
+        if self.T_cam_obj is None:
+            return self.unknown_s >= config.patience_s
+        reach, centre = self._reach(config), self.T_cam_obj[:3, 3]
+        if centre[2] < reach:
+            return bool(centre[2] > -reach)
+        (pixel,) = project(centre[None], frame.K)
+        margin = reach * frame.K[0, 0] / centre[2]
+        return bool(
+            (pixel > -margin).all() and (pixel < [frame.width, frame.height] + margin).all()
+        )
+
+    def _reach(self, config: PlaceConfig) -> float:
+        """How far from its place the object may be [m]."""
+        speed = config.moving_speed if self.moving else config.speed
+        return config.reach_m + speed * self.seconds
+
+
+def _features(frame: RgbdFrame, config: PlaceConfig) -> Features:
+    return detect_features(frame, (0, 0, frame.width, frame.height), config.features)

@@ -1,0 +1,93 @@
+"""The place of a lost object is followed by what stands around it, and recognised again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.tabletop_scene import look_at_object, make_tabletop
+from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.transforms import make_transform, rotation_error
+from robust6dof.tracking.place import PlaceConfig, PlaceMemory
+
+SCENE = make_tabletop("mug", 0)
+CONFIG = PlaceConfig()
+T_SEEN = look_at_object(0.7, 0.7, 0.8)
+
+
+def shot(aim_x: float, azimuth: float = 0.7, seed: int = 0):
+    """The camera looks beside the object, which stands at the world's origin."""
+    rng = np.random.default_rng(seed)
+    return SCENE.shoot(look_at_object(azimuth, 0.7, 0.8, aim=(aim_x, 0.0, 0.0)), rng)
+
+
+def seen(moving: bool = False) -> PlaceMemory:
+    first = shot(0.0)
+    return PlaceMemory().after_sight(first.frame, first.T_cam_obj, moving, CONFIG)
+
+
+def dark(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, rgb=np.zeros_like(frame.rgb))
+
+
+def assert_near(memory: PlaceMemory, T_cam_obj: np.ndarray) -> None:
+    assert memory.T_cam_obj is not None
+    assert np.linalg.norm(memory.T_cam_obj[:3, 3] - T_cam_obj[:3, 3]) < 0.015
+    assert rotation_error(memory.T_cam_obj[:3, :3], T_cam_obj[:3, :3]) < np.deg2rad(2.0)
+
+
+def test_the_place_is_followed_while_the_camera_looks_away() -> None:
+    memory = seen()
+    for number, aim in enumerate((0.15, 0.3, 0.45, 0.55), 1):
+        away = shot(aim, seed=number)
+        memory = memory.after_loss(away.frame, 0.1, CONFIG)
+        assert_near(memory, away.T_cam_obj)
+
+
+def test_the_place_is_recognised_after_frames_that_show_nothing() -> None:
+    memory = seen()
+    for _ in range(3):
+        memory = memory.after_loss(dark(shot(0.0).frame), 0.1, CONFIG)
+        assert memory.T_cam_obj is None
+    back = shot(0.1, azimuth=0.8, seed=9)
+    assert_near(memory.after_loss(back.frame, 0.1, CONFIG), back.T_cam_obj)
+
+
+def test_the_object_is_looked_for_near_its_place_and_farther_as_time_goes_by() -> None:
+    memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
+    aside = make_transform(np.eye(3), np.array([0.0, 0.3, 0.0])) @ shot(0.1).T_cam_obj
+    assert memory.may_hold(shot(0.1).T_cam_obj, CONFIG)
+    assert not memory.may_hold(aside, CONFIG)
+    assert replace(memory, seconds=2.0).may_hold(aside, CONFIG)
+    assert replace(memory, seconds=0.5, moving=True).may_hold(aside, CONFIG)
+
+
+@pytest.mark.parametrize(
+    ("place", "worth"),
+    [((0.0, 0.0, 1.0), True), ((0.9, 0.0, 1.0), False), ((0.0, 0.0, -1.0), False)],
+)
+def test_only_an_object_that_may_be_in_view_is_looked_for(
+    place: tuple[float, float, float], worth: bool
+) -> None:
+    memory = replace(seen(), T_cam_obj=make_transform(np.eye(3), np.array(place)), seconds=0.1)
+    assert memory.worth_a_search(shot(0.0).frame, CONFIG) is worth
+
+
+def test_where_the_place_is_not_known_for_long_all_is_looked_at() -> None:
+    memory, frame = seen(), shot(0.0).frame
+    blurred = memory.after_loss(dark(frame), 0.4, CONFIG)
+    assert not blurred.worth_a_search(frame, CONFIG)
+    assert blurred.after_loss(dark(frame), 0.2, CONFIG).worth_a_search(frame, CONFIG)
+    colorless = memory.after_loss(replace(frame, has_color=False), 0.1, CONFIG)
+    assert colorless.worth_a_search(frame, CONFIG)
+    assert colorless.may_hold(make_transform(np.eye(3), np.full(3, 5.0)), CONFIG)
+
+
+def test_few_frames_are_kept_and_sight_ends_the_loss() -> None:
+    memory, first = seen(), shot(0.0)
+    for _ in range(60):
+        memory = memory.after_sight(first.frame, first.T_cam_obj, False, CONFIG)
+    assert len(memory.seen) <= CONFIG.kept + 1
+    lost = memory.after_loss(first.frame, 0.1, CONFIG)
+    again = lost.after_sight(first.frame, first.T_cam_obj, False, CONFIG)
+    assert (again.followed, again.T_cam_obj, again.seconds) == (None, None, 0.0)
