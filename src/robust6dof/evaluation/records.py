@@ -68,6 +68,15 @@ def by_annotation_or_category(seen: PoseRecord | ObjectTruth) -> bool:
     return annotated or by_category(seen) or hidden_handle
 
 
+def without_first_frames(records: Sequence[PoseRecord]) -> list[PoseRecord]:
+    """The records but for each track's first, in which the tracker was told."""
+    first: dict[tuple[str, str], int] = {}
+    for record in records:
+        key = (record.sequence, record.object)
+        first[key] = min(record.frame, first.get(key, record.frame))
+    return [r for r in records if r.frame > first[r.sequence, r.object]]
+
+
 class PoseBatch:
     """Records as arrays. Errors of missing poses are infinite, their IoU is zero."""
 

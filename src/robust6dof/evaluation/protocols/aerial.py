@@ -13,7 +13,12 @@ from typing import get_args
 
 import numpy as np
 
-from robust6dof.evaluation.records import PoseBatch, PoseRecord, by_annotation_or_category
+from robust6dof.evaluation.records import (
+    PoseBatch,
+    PoseRecord,
+    by_annotation_or_category,
+    without_first_frames,
+)
 from robust6dof.evaluation.scores import Row, Scores, mean_rows
 from robust6dof.geometry.boxes import BoxIou
 
@@ -55,11 +60,7 @@ def counted_records(records: Sequence[PoseRecord]) -> list[PoseRecord]:
     A pose from a tracker that calls itself lost is taken out.
     """
     visible = [record for record in records if record.visibility >= MIN_VISIBILITY]
-    first: dict[tuple[str, str], int] = {}
-    for record in visible:
-        key = (record.sequence, record.object)
-        first[key] = min(record.frame, first.get(key, record.frame))
-    counted = [r for r in visible if r.frame > first[r.sequence, r.object]]
+    counted = without_first_frames(visible)
     return [replace(r, T_cam_obj=None) if r.lost else r for r in counted]
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robust6dof.evaluation.records import PoseBatch, PoseRecord, by_category
+from robust6dof.evaluation.records import PoseBatch, PoseRecord, by_category, without_first_frames
 from robust6dof.evaluation.scores import Row, Scores, average, mean_rows, percent
 
 
@@ -58,11 +58,3 @@ def _rows(
             "T_err_cm": average(T_err_cm[members]),
         }
     return per_category
-
-
-def without_first_frames(records: Sequence[PoseRecord]) -> list[PoseRecord]:
-    first: dict[tuple[str, str], int] = {}
-    for record in records:
-        key = (record.sequence, record.object)
-        first[key] = min(record.frame, first.get(key, record.frame))
-    return [r for r in records if r.frame > first[r.sequence, r.object]]
