@@ -60,11 +60,10 @@ def _true(group: Sequence[PoseRecord]) -> Boxes:
 
 def _predicted(group: Sequence[PoseRecord]) -> Boxes:
     found = [record for record in group if record.T_cam_obj is not None]
-    extents = [r.extents_true if r.extents is None else r.extents for r in found]
     return Boxes(
         [record.category for record in found],
         np.array([record.T_cam_obj for record in found], float).reshape(-1, 4, 4),
-        np.array(extents, float).reshape(-1, 3),
+        np.array([record.sides for record in found], float).reshape(-1, 3),
         np.array([record.confidence for record in found], float),
         np.ones(len(found), bool),
     )

@@ -16,6 +16,7 @@ from robust6dof.evaluation.metrics import rotation_err_deg, translation_err_cm
 from robust6dof.evaluation.scores import Row, cumulative, mean_rows
 from robust6dof.frames import SYMMETRIC_CATEGORIES, TrackState
 from robust6dof.geometry.boxes import BoxIou, box_iou
+from robust6dof.geometry.transforms import make_transform
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,6 +56,16 @@ class PoseRecord:
         """The tracker called itself lost: what it gave is no claim."""
         return self.state is TrackState.LOST
 
+    @property
+    def sides(self) -> Float[np.ndarray, "3"]:
+        """Predicted side lengths [m]; the true ones where none were predicted."""
+        return self.extents_true if self.extents is None else self.extents
+
+    @property
+    def T_obj_box(self) -> Float[np.ndarray, "4 4"]:
+        """The box in the object frame."""
+        return make_transform(np.eye(3), self.box_center)
+
 
 def by_category(seen: PoseRecord | ObjectTruth) -> bool:
     """The usual rule of symmetry: bottle, bowl, can; never a mug."""
@@ -86,14 +97,12 @@ class PoseBatch:
         self.sequence = np.array([record.sequence for record in records])
         self.found = np.array([record.T_cam_obj is not None for record in records], bool)
         poses = [np.eye(4) if r.T_cam_obj is None else r.T_cam_obj for r in records]
-        sizes = [r.extents_true if r.extents is None else r.extents for r in records]
         self.T_cam_obj = np.array(poses, float).reshape(-1, 4, 4)
-        self.extents = np.array(sizes, float).reshape(-1, 3)
+        self.extents = np.array([r.sides for r in records], float).reshape(-1, 3)
         truths = [record.T_cam_obj_true for record in records]
         self.T_cam_obj_true = np.array(truths, float).reshape(-1, 4, 4)
         self.extents_true = np.array([r.extents_true for r in records], float).reshape(-1, 3)
-        self.T_obj_box = np.tile(np.eye(4), (len(records), 1, 1))
-        self.T_obj_box[:, :3, 3] = np.array([r.box_center for r in records]).reshape(-1, 3)
+        self.T_obj_box = np.array([r.T_obj_box for r in records], float).reshape(-1, 4, 4)
 
     def R_err_deg(self) -> Float[np.ndarray, "N"]:
         errors = rotation_err_deg(self.T_cam_obj, self.T_cam_obj_true, self.symmetric)

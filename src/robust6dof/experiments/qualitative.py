@@ -12,6 +12,7 @@ from robust6dof.evaluation.data_kind import data_kind
 from robust6dof.evaluation.records import PoseRecord
 from robust6dof.experiments.report import Report
 from robust6dof.experiments.setting import Setting
+from robust6dof.frames import RgbdFrame
 from robust6dof.visualization.overlay import GREEN, YELLOW, draw_box_and_axes, draw_label
 
 _COLUMNS = 5
@@ -25,17 +26,17 @@ def qualitative(setting: Setting) -> Report:
     figures = []
     for sequence in setting.dataset().sequences:
         count = min(len(sequence), setting.size.frames or len(sequence))
-        moments = np.linspace(0, count - 1, min(_COLUMNS, count)).astype(int)
+        moments = np.linspace(0, count - 1, min(_COLUMNS, count)).astype(int).tolist()
+        frames = {index: sequence.frame(index) for index in moments}
         rows = []
         for tracker, records in poses.items():
             pictures = [
                 _draw(
-                    sequence.frame(int(i)).rgb,
-                    sequence.frame(int(i)).K,
-                    records.get((sequence.name, int(i)), []),
-                    f"{tracker}  {sequence.frame_names[int(i)]}",
+                    frame,
+                    records.get((sequence.name, index), []),
+                    f"{tracker}  {sequence.frame_names[index]}",
                 )
-                for i in moments
+                for index, frame in frames.items()
             ]
             rows.append(np.concatenate(pictures, axis=1))
         path = setting.out / f"{sequence.name.replace('/', '_')}.png"
@@ -60,24 +61,14 @@ def _by_frame(setting: Setting, tracker: str) -> dict[tuple[str, int], list[Pose
     return frames
 
 
-def _draw(
-    rgb: UInt8[np.ndarray, "H W 3"], K: np.ndarray, records: list[PoseRecord], label: str
-) -> UInt8[np.ndarray, "h w 3"]:
-    image = rgb
+def _draw(frame: RgbdFrame, records: list[PoseRecord], label: str) -> UInt8[np.ndarray, "h w 3"]:
+    image, K = frame.rgb, frame.K
     for record in records:
-        T_true, extents = _boxed(record, record.T_cam_obj_true), record.extents_true
-        image = draw_box_and_axes(image, K, T_true, extents, GREEN, axes=False)
+        T_true = record.T_cam_obj_true @ record.T_obj_box
+        image = draw_box_and_axes(image, K, T_true, record.extents_true, GREEN, axes=False)
         if record.T_cam_obj is not None and not record.lost:
-            predicted = extents if record.extents is None else record.extents
-            T_cam_box = _boxed(record, record.T_cam_obj)
-            image = draw_box_and_axes(image, K, T_cam_box, predicted, YELLOW, axes=False)
-    height = round(rgb.shape[0] * _WIDTH_PX / rgb.shape[1])
+            T_cam_box = record.T_cam_obj @ record.T_obj_box
+            image = draw_box_and_axes(image, K, T_cam_box, record.sides, YELLOW, axes=False)
+    height = round(image.shape[0] * _WIDTH_PX / image.shape[1])
     small = cv2.resize(image, (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
     return draw_label(np.asarray(small, np.uint8), label)
-
-
-def _boxed(record: PoseRecord, T_cam_obj: np.ndarray) -> np.ndarray:
-    """The pose of the box, for models that are not centred."""
-    T_cam_box = T_cam_obj.copy()
-    T_cam_box[:3, 3] += T_cam_obj[:3, :3] @ record.box_center
-    return T_cam_box

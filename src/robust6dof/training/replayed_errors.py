@@ -14,7 +14,6 @@ from robust6dof.evaluation.records import PoseRecord, by_annotation_or_category
 from robust6dof.evaluation.run_info import RunInfo
 from robust6dof.evaluation.run_records import read_run_info, records_of_run
 from robust6dof.frames import TrackState
-from robust6dof.geometry.transforms import make_transform
 from robust6dof.training.prediction_errors import PoseError
 from robust6dof.training.recorded_clips import upright
 
@@ -63,13 +62,13 @@ def _error(record: PoseRecord) -> PoseError | None:
     """None where the tracker did not follow the object."""
     if record.T_cam_obj is None or record.state not in _FOLLOWING:
         return None
-    sides = record.extents_true if record.extents is None else record.extents
     known = bool(np.isfinite(record.extents_true).all())
-    T_obj_box = make_transform(np.eye(3), record.box_center)
     T_true, true_sides = upright(
-        record.category, record.T_cam_obj_true @ T_obj_box, record.extents_true if known else sides
+        record.category,
+        record.T_cam_obj_true @ record.T_obj_box,
+        record.extents_true if known else record.sides,
     )
-    T_est, sides = upright(record.category, record.T_cam_obj @ T_obj_box, sides)
+    T_est, sides = upright(record.category, record.T_cam_obj @ record.T_obj_box, record.sides)
     symmetric = by_annotation_or_category(record)
     error = PoseError.between(T_true, T_est, sides / true_sides, symmetric)
     far = np.linalg.norm(error.shift_cam) > _FARTHEST * np.linalg.norm(true_sides)
