@@ -81,23 +81,6 @@ def open_recordings(path: str | Path, depth_only: bool = False) -> Dataset:
     return Dataset(_dataset_name(sequences), path, sequences)
 
 
-def open_ycbineoat(path: str | Path) -> Dataset:
-    """Open YCBInEOAT.
-
-    Raises:
-        DataError: no recordings, or one whose name is not one of the nine videos.
-    """
-    dataset = open_recordings(path)
-    unknown = [s.name for s in dataset.sequences if Path(s.name).name not in YCBINEOAT_OBJECTS]
-    if unknown:
-        raise DataError(
-            Path(path) / unknown[0],
-            "not one of YCBInEOAT's videos",
-            f"Name it as one of {', '.join(YCBINEOAT_OBJECTS)}, or open it as a recording",
-        )
-    return dataset
-
-
 def _open_recording(root: Path, folder: Path, depth_only: bool) -> RecordingSequence:
     video = read_video(folder, depth_only=depth_only)
     relative = folder.relative_to(root).as_posix()

@@ -34,17 +34,6 @@ def backproject(
     return points_cam, np.stack([x, y], axis=-1).astype(np.float64)
 
 
-def crop_intrinsics(
-    K: Float[np.ndarray, "3 3"], x0: float, y0: float, scale: float
-) -> Float[np.ndarray, "3 3"]:
-    """Intrinsics after cutting at pixel (x0, y0) and resizing by `scale`."""
-    K_crop = K.astype(np.float64).copy()
-    K_crop[:2] *= scale
-    K_crop[0, 2] = (K[0, 2] - x0 + 0.5) * scale - 0.5
-    K_crop[1, 2] = (K[1, 2] - y0 + 0.5) * scale - 0.5
-    return K_crop
-
-
 def check_intrinsics(K: np.ndarray, width: int, height: int) -> Float[np.ndarray, "3 3"]:
     """Return K as a float64 copy.
 

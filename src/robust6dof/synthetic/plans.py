@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from robust6dof.errors import InputError
 from robust6dof.frames import CATEGORIES
@@ -16,8 +15,6 @@ VERSION = "1.0"
 """Of AerialPose-Sim; written into every recording's plan. It changes when the recordings do."""
 FIRST_TEST_SHAPE = 2_000_000
 """Procedural shapes from this seed on are for benchmarks; training never draws them."""
-
-SplitName = Literal["mini", "full"]
 
 
 @dataclass(frozen=True)
