@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from robust6dof.data.dataset import DatasetSequence, ObjectTruth
+from robust6dof.data.image_files import read_transform
 from robust6dof.data.restricted_pickle import read_pickle
 from robust6dof.data.track_file import write_ob_in_cam
 from robust6dof.errors import DataError, InputError
@@ -181,15 +182,8 @@ class ObInCam:
             for inner in ("ob_in_cam", "."):
                 path = self.folder / place / inner / f"{sequence.frame_names[index]}.txt"
                 if path.is_file():
-                    return Predicted(_read_pose(path), truth.extents)
+                    return Predicted(read_transform(path), truth.extents)
         return None
-
-
-def _read_pose(path: Path) -> np.ndarray:
-    try:
-        return check_transform(np.loadtxt(path).reshape(4, 4))
-    except (ValueError, InputError) as error:
-        raise DataError(path, f"not a 4×4 rigid transform ({error})", "Get it again") from error
 
 
 def write_ob_in_cam_folders(folder: str | Path, records: Iterable[PoseRecord]) -> None:
