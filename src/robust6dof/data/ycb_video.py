@@ -208,8 +208,14 @@ def refuse_bop(path: Path) -> None:
 @lru_cache(maxsize=64)
 def _model_bounds(models: Path, name: str) -> Float[np.ndarray, "2 3"] | None:
     """Lowest and highest corner of an object's points [m]; None where they are not there."""
-    for path in (models / name / "points.xyz", models / f"{name}.xyz"):
-        if path.is_file():
-            points = read_numbers(path).reshape(-1, 3)
-            return np.stack([points.min(axis=0), points.max(axis=0)])
-    return None
+    path = find_model_points(models, name)
+    if path is None:
+        return None
+    points = read_numbers(path).reshape(-1, 3)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def find_model_points(models: Path, name: str) -> Path | None:
+    """`<object>/points.xyz` (YCB-Video's own) or `<object>.xyz`; None where there is neither."""
+    files = (models / name / "points.xyz", models / f"{name}.xyz")
+    return next((file for file in files if file.is_file()), None)

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from robust6dof.data.ycb_video import find_model_points
 from robust6dof.errors import DataError
 
 
 def read_model_points(folder: str | Path, objects: Iterable[str]) -> dict[str, np.ndarray]:
-    """Read `<object>.xyz` or `<object>/points.xyz` (YCB-Video's own) for each object: [P, 3] in m.
+    """The points of each object, [P, 3] in m, from the file that `find_model_points` finds.
 
     Raises:
         DataError: a model is missing, is no list of points, or is not in metres.
@@ -20,14 +21,14 @@ def read_model_points(folder: str | Path, objects: Iterable[str]) -> dict[str, n
 
 
 def _find(folder: Path, name: str) -> Path:
-    for path in (folder / f"{name}.xyz", folder / name / "points.xyz"):
-        if path.is_file():
-            return path
-    raise DataError(
-        folder,
-        f"there are no model points of {name}",
-        f"Name a folder with {name}.xyz or {name}/points.xyz by --models",
-    )
+    path = find_model_points(folder, name)
+    if path is None:
+        raise DataError(
+            folder,
+            f"there are no model points of {name}",
+            f"Name a folder with {name}.xyz or {name}/points.xyz by --models",
+        )
+    return path
 
 
 def _read_points(path: Path) -> np.ndarray:
