@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -161,8 +161,3 @@ class Setting:
         ]
         pooled = replace(stored[0], records=records)
         return score_stored(pooled, find_protocol(protocol), self.models)
-
-    def runs(self, protocol: str, **choices: Any) -> Iterator[tuple[str, Scores]]:
-        """Every tracker's scores, started and scored by one protocol."""
-        for tracker in self.trackers:
-            yield tracker, self.scores(self.predict(tracker, protocol, **choices), protocol)
