@@ -28,6 +28,7 @@ def run(options: Options) -> None:
         out=options.out,
         category=options.category,
         seed=options.seed,
+        device=options.device,
         processes=1,
         debug=options.debug,
     )
