@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-import cv2
 import numpy as np
 from track_seven_scenes import MUGS, read_reference
 
@@ -27,7 +26,7 @@ from robust6dof.cli.bench_start import table
 from robust6dof.data import read_video
 from robust6dof.data.dataset import ObjectTruth
 from robust6dof.data.depth_unit import depth_to_metres
-from robust6dof.data.image_files import read_color, read_depth, read_mask
+from robust6dof.data.image_files import read_color, read_depth, read_mask, write_image
 from robust6dof.data.restricted_pickle import read_npy
 from robust6dof.errors import Robust6dofError
 from robust6dof.evaluation.start_accuracy import (
@@ -42,12 +41,7 @@ from robust6dof.frames import RgbdFrame, Track
 from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.tracking.segmentation import segment_click
-from robust6dof.visualization.overlay import (
-    GREEN,
-    colorize_depth,
-    draw_box_and_axes,
-    draw_label,
-)
+from robust6dof.visualization.overlay import GREEN, draw_box_and_axes, draw_label, frame_image
 
 SARNET_K = np.array([[606.9066, 0, 319.9248], [0, 606.2557, 240.7983], [0, 0, 1]])
 GRASPNET = {
@@ -120,14 +114,14 @@ def tabletop_starts(folder: Path, tracker_name: str) -> Iterator[tuple[str, Rgbd
 
 
 def draw(path: Path, frame: RgbdFrame, track: Track | None, truth: ObjectTruth | None) -> None:
-    image = frame.rgb if frame.has_color else colorize_depth(frame.depth)
+    image = frame_image(frame)
     if truth is not None and truth.extents is not None:
         image = draw_box_and_axes(image, frame.K, truth.T_cam_obj, truth.extents, GREEN)
     if track is not None:
         image = draw_box_and_axes(image, frame.K, track.T_cam_obj, track.extents)
         image = draw_label(image, f"{track.category}  confidence {track.confidence:.2f}")
     path.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(path), np.ascontiguousarray(image[..., ::-1]))
+    write_image(path, image)
 
 
 def _trials(options: argparse.Namespace) -> Iterator[StartTrial]:

@@ -148,18 +148,11 @@ def _tracker(options: Options, category: str, made: dict[str, PoseTracker]) -> P
 
 
 def _draw(folder: Path, case: StartCase, trial: StartTrial, track: Track | None) -> None:
-    import cv2
-    import numpy as np
-
-    from robust6dof.visualization.overlay import (
-        GREEN,
-        colorize_depth,
-        draw_box_and_axes,
-        draw_label,
-    )
+    from robust6dof.data.image_files import write_image
+    from robust6dof.visualization.overlay import GREEN, draw_box_and_axes, draw_label, frame_image
 
     frame, truth = case.frame, case.truth
-    image = frame.rgb if frame.has_color else colorize_depth(frame.depth)
+    image = frame_image(frame)
     if truth.extents is not None:
         image = draw_box_and_axes(image, frame.K, truth.T_cam_box, truth.extents, GREEN)
     if track is not None:
@@ -168,4 +161,4 @@ def _draw(folder: Path, case: StartCase, trial: StartTrial, track: Track | None)
     image = draw_label(image, f"{trial.category} from {trial.hint}: {said}")
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{trial.sequence}_{trial.frame}_{trial.object_name}_{trial.hint}.jpg".replace("/", "_")
-    cv2.imwrite(str(folder / name), np.ascontiguousarray(image[..., ::-1]))
+    write_image(folder / name, image)

@@ -189,10 +189,9 @@ class _Output(ExitStack):
 
 
 def _drawn(frame: RgbdFrame, track: Track) -> np.ndarray:
-    from robust6dof.visualization.overlay import colorize_depth, draw_box_and_axes, draw_label
+    from robust6dof.visualization.overlay import draw_box_and_axes, draw_label, frame_image
 
-    image = frame.rgb if frame.has_color else colorize_depth(frame.depth)
-    image = draw_box_and_axes(image, frame.K, track.T_cam_obj, track.extents)
+    image = draw_box_and_axes(frame_image(frame), frame.K, track.T_cam_obj, track.extents)
     return draw_label(
         image, f"{frame.name}  {track.category}  {track.state}  {track.confidence:.2f}"
     )

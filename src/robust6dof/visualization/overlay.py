@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.boxes import box_corners
 from robust6dof.geometry.camera import project
 
@@ -93,6 +94,11 @@ def draw_label(
         image, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA
     )
     return image
+
+
+def frame_image(frame: RgbdFrame) -> UInt8[np.ndarray, "H W 3"]:
+    """A frame's colour, or its depth in colours where it has none."""
+    return frame.rgb if frame.has_color else colorize_depth(frame.depth)
 
 
 def colorize_depth(depth: np.ndarray, near: float = 0.3, far: float = 2.0) -> np.ndarray:

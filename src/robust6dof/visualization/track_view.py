@@ -17,7 +17,7 @@ from robust6dof.network.matching import select_pairs
 from robust6dof.network.robust6dof_net import Robust6DofNet
 from robust6dof.tracking.keyframes import Keyframe
 from robust6dof.tracking.segmentation import propagated_mask
-from robust6dof.visualization.overlay import colorize_depth, draw_box_and_axes, draw_label
+from robust6dof.visualization.overlay import draw_box_and_axes, draw_label, frame_image
 
 STATE_COLORS: dict[TrackState, tuple[int, int, int]] = {
     TrackState.TRACKING: (70, 190, 90),
@@ -53,8 +53,7 @@ class TrackView:
     @property
     def image(self) -> UInt8[np.ndarray, "H W 3"]:
         """Colour, or coloured depth where there is none."""
-        frame = self.frame
-        return frame.rgb if frame.has_color else colorize_depth(frame.depth)
+        return frame_image(self.frame)
 
 
 def make_track_view(
