@@ -124,6 +124,24 @@ def test_fused_cpu_kernels_equal_plain_torch(shape, with_offset, dtype):
     assert torch.equal(found, index)
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("with_offset", [False, True])
+@pytest.mark.parametrize("with_index", [False, True])
+def test_rows_shared_out_over_threads_change_nothing(monkeypatch, threads, with_offset, with_index):
+    weight, value, offset = (x.detach() for x in draw((2, 37, 20), (2, 20, 9), (2, 20, 9)))
+    offset = offset if with_offset else None
+    expected, index = weighted_max_reference(weight, value, offset)
+    before = torch.get_num_threads()
+    monkeypatch.setattr(max_filter_numba, "_TASK_PRODUCTS", 4 * value[0].numel())
+    try:
+        torch.set_num_threads(threads)
+        best, found = weighted_max(weight, value, offset, with_index)
+    finally:
+        torch.set_num_threads(before)
+    torch.testing.assert_close(best, expected)
+    assert found is None or torch.equal(found, index)
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device with Triton")
 @pytest.mark.parametrize("with_offset", [False, True])
 def test_fused_gpu_kernel_equals_plain_torch_on_several_tiles(with_offset):

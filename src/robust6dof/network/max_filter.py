@@ -93,9 +93,12 @@ class _MaxFilter(torch.autograd.Function):
     ) -> Tensor:
         with_index = any(ctx.needs_input_grad)
         best, index = [], []
+        A, B = value, offset
+        if max_filter_numba.supports(value):  # as its kernels read them: once, not for every block
+            A, B = _channels_first(value), None if offset is None else _channels_first(offset)
         for rows in _row_blocks(query):
             weight = _similarity(query[:, rows], key, scale)
-            found, where = weighted_max(weight, value, offset, with_index)
+            found, where = weighted_max(weight, A, B, with_index)
             best.append(found)
             index.append(where)
         if with_index:
@@ -134,3 +137,8 @@ def _similarity(query: Tensor, key: Tensor, scale: float) -> Tensor:
 
 def _row_blocks(query: Tensor) -> list[slice]:
     return [slice(start, start + _BLOCK_ROWS) for start in range(0, query.shape[1], _BLOCK_ROWS)]
+
+
+def _channels_first(x: Tensor) -> Tensor:
+    """The same numbers, each channel's side by side in memory."""
+    return x.mT.contiguous().mT

@@ -1,7 +1,8 @@
 """The fused CPU kernels of the maximum filter.
 
 Channels are stored as rows, so that the maximum runs over contiguous memory and LLVM turns it
-into vector instructions; two rows and four channels at a time share their loads.
+into vector instructions; two rows and four channels at a time share their loads. The rows are
+shared out over torch's threads.
 """
 
 from __future__ import annotations
@@ -14,6 +15,11 @@ import torch
 from llvmlite.ir import IRBuilder
 from numba.extending import intrinsic
 from torch import Tensor
+
+from robust6dof.network.torch_threads import for_each
+
+_TASK_PRODUCTS = 2**24
+"""What one thread does at a time: a millisecond or less."""
 
 _CHUNK = 64
 """Columns searched together for the index of a maximum."""
@@ -32,13 +38,21 @@ def weighted_max(
     B = A if offset is None else _as_array(offset.mT)
     best = np.empty((W.shape[0], W.shape[1], A.shape[1]), A.dtype)
     index = np.empty(best.shape if with_index else (0, 0, 0), np.int32)
-    for b in range(W.shape[0]):
+
+    def fill(task: tuple[int, slice]) -> None:
+        b, rows = task
         if with_index:
-            _max_and_index(W[b], A[b], B[b], offset is not None, best[b], index[b])
+            _max_and_index(
+                W[b, rows], A[b], B[b], offset is not None, best[b, rows], index[b, rows]
+            )
         elif offset is None:
-            _max_product(W[b], A[b], best[b])
+            _max_product(W[b, rows], A[b], best[b, rows])
         else:
-            _max_sum(W[b], A[b], B[b], best[b])
+            _max_sum(W[b, rows], A[b], B[b], best[b, rows])
+
+    step = 2 * -(-_TASK_PRODUCTS // (2 * A[0].size))  # even: two rows share their loads
+    starts = range(0, W.shape[1], step)
+    for_each(fill, [(b, slice(i, i + step)) for b in range(len(W)) for i in starts])
     return torch.from_numpy(best), torch.from_numpy(index) if with_index else None
 
 
