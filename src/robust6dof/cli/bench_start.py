@@ -65,21 +65,23 @@ def run(options: Options) -> None:
     (options.out / "summary.json").write_text(
         json.dumps([asdict(row) for row in rows], indent=1) + "\n"
     )
-    print(table(rows))
+    print(table(rows), end="")
 
 
 def table(rows: Sequence[StartSummary]) -> str:
     """The summary as Markdown."""
-    lines = [
-        "| hint | category | starts | within 10°5cm [%] | within 20°10cm [%] | median error |",
-        "|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        shares = [_share(row, name) for name in row.share]
-        error = f"{row.median['rotation_deg']:.1f}°, {row.median['translation_cm']:.1f} cm"
-        cells = [row.hint, row.category, str(row.starts), *shares, error]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+    from robust6dof.evaluation.report import markdown_table
+    from robust6dof.evaluation.start_accuracy import THRESHOLDS
+
+    within = [f"within {name} [%]" for name in THRESHOLDS]
+    head = ["hint", "category", "starts", *within, "median error"]
+    return markdown_table(head, [_cells(row) for row in rows])
+
+
+def _cells(row: StartSummary) -> list[str]:
+    shares = [_share(row, name) for name in row.share]
+    error = f"{row.median['rotation_deg']:.1f}°, {row.median['translation_cm']:.1f} cm"
+    return [row.hint, row.category, str(row.starts), *shares, error]
 
 
 def _share(row: StartSummary, name: str) -> str:

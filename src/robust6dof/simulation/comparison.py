@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from robust6dof.evaluation.report import markdown_table
+
 _COLUMNS: tuple[tuple[str, str, float, str], ...] = (
     ("reached [%]", "success_rate", 100.0, ".1f"),
     ("time [s]", "median_time_s", 1.0, ".1f"),
@@ -23,13 +25,12 @@ _COLUMNS: tuple[tuple[str, str, float, str], ...] = (
 
 def law_table(campaigns: Mapping[str, Mapping[str, Any]]) -> str:
     """A Markdown table: a row for each law, medians over its runs."""
-    lines = ["| law | runs | " + " | ".join(name for name, *_ in _COLUMNS) + " | limits broken |"]
-    lines.append("|---" * (len(_COLUMNS) + 3) + "|")
+    rows = []
     for law, campaign in campaigns.items():
         cells = [_cell(campaign[key], factor, form) for _, key, factor, form in _COLUMNS]
         broken = str(len(campaign["limits_broken_seeds"]))
-        lines.append(f"| {law} | {campaign['runs']} | {' | '.join(cells)} | {broken} |")
-    return "\n".join(lines) + "\n"
+        rows.append([law, str(campaign["runs"]), *cells, broken])
+    return markdown_table(["law", "runs", *(name for name, *_ in _COLUMNS), "limits broken"], rows)
 
 
 def _cell(value: float | None, factor: float, form: str) -> str:
