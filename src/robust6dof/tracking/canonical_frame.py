@@ -56,6 +56,8 @@ class CanonicalFrameConfig:
     """Views whose directions differ by less are one side [rad]."""
     looks: int = 15
     """A side's opinion is a running mean over so many looks."""
+    first_looks: int = 3
+    """The first look is the best of several and counts as so many."""
     few_looks: float = 1.5
     """A side with as many looks counts half."""
     slip_rotation: float = np.deg2rad(0.2)
@@ -127,8 +129,18 @@ class CanonicalFrame:
             T_seen = make_transform(
                 _with_axis(self.T_model_obj[:3, :3], T_seen[:3, 1]), T_seen[:3, 3]
             )
-        look = Opinion(T_seen, scale, view_direction(T_cam_model), seconds)
-        return replace(self, sides=self._sides_with(look))._solved(seconds)
+        looks = 1 if self.sides else self.config.first_looks
+        look = Opinion(T_seen, scale, view_direction(T_cam_model), seconds, looks)
+        frame = replace(self, sides=self._sides_with(look))
+        if not self.sides and not self.certain:
+            # A start far from the first look is wrong more often than the look: begin from there.
+            frame = replace(frame, T_model_obj=T_seen, scale=scale)
+        return frame._solved(seconds)
+
+    @property
+    def certain(self) -> bool:
+        """Whether the start is beyond doubt."""
+        return self.doubt == EXACT_START
 
     def rebased(self) -> CanonicalFrame:
         """The same, the model frame moved to where the object's is now."""
@@ -212,7 +224,8 @@ class CanonicalFrame:
         self, away: Float[np.ndarray, "O D"], precision: Float[np.ndarray, "O"]
     ) -> Float[np.ndarray, "O"]:
         squared = (away**2).sum(-1) * precision / self.config.robust**2
-        squared[0] = 0.0  # the start's doubt says all there is to say of it
+        if self.certain:
+            squared[0] = 0.0
         return precision / (1.0 + squared) ** 2
 
 

@@ -41,13 +41,17 @@ class FitQuality:
 
     @property
     def confidence(self) -> float:
-        """0 to 1: agreement, faded out where little of the object is seen, where the fit is loose
-        or the colours are others."""
+        """0 to 1: of the shape, faded out where the colours are others."""
+        alike = 1.0 - float(np.clip((self.color_gap - 0.06) / 0.1, 0.0, 1.0))
+        return alike * self.shape_confidence
+
+    @property
+    def shape_confidence(self) -> float:
+        """0 to 1: agreement, faded out where little of the object is seen or the fit is loose."""
         seen = min(1.0, self.supported * self.in_image / 0.35)
         enough = min(1.0, self.supported * self.visible_points / 40.0)
         tight = 1.0 - max(0.0, self.residual - 0.4)
-        alike = 1.0 - float(np.clip((self.color_gap - 0.06) / 0.1, 0.0, 1.0))
-        return float(np.clip(self.agreement**2 * seen * enough * tight * alike, 0.0, 1.0))
+        return float(np.clip(self.agreement**2 * seen * enough * tight, 0.0, 1.0))
 
 
 NOTHING_SEEN = FitQuality(0.0, 0.0, 0.0, 0, 0.0, 0.0)

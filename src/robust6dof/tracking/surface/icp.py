@@ -270,8 +270,7 @@ class IcpTracker:
     def _learned(self, track: Track, frame: RgbdFrame) -> Track:
         """Take the view into the models where it is new and the fit is good."""
         memory: IcpMemory = track.memory
-        trusted = track.confidence >= self.config.growth_confidence
-        if not trusted or track.state is not TrackState.TRACKING or memory.probation:
+        if not memory.is_trusted(self.config) or track.state is not TrackState.TRACKING:
             return track
         T_cam_obj, extents = track.T_cam_obj, track.extents
         if memory.surroundings is None and memory.free_frames >= self.config.retry_frames:

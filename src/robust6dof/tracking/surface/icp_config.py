@@ -51,7 +51,9 @@ class IcpConfig:
     settle_frames: int = 5
     """The first frames are all averaged into the model."""
     growth_confidence: float = 0.7
-    """The model takes in nothing below this confidence."""
+    """The model takes in nothing below this confidence in the shape …"""
+    growth_color_gap: float = 0.12
+    """… or with colours that differ by more, 0 to 1: a metal lid that darkens is learned."""
     probation_frames: int = 15
     """Found again after a loss, the object is learned from only after as many frames at or above
     that confidence: it may be another one."""

@@ -63,6 +63,11 @@ class IcpMemory:
         passed = int(confidence >= config.growth_confidence)
         return replace(self, probation=max(self.probation - passed, 0))
 
+    def is_trusted(self, config: IcpConfig) -> bool:
+        """Whether the last fit may be learned from."""
+        fits = self.quality.shape_confidence >= config.growth_confidence
+        return fits and self.quality.color_gap <= config.growth_color_gap and not self.probation
+
     def wants(self, T_cam_obj: np.ndarray, config: IcpConfig) -> bool:
         """Whether a view from here would tell the model something new."""
         if self.frames <= config.settle_frames:

@@ -9,6 +9,10 @@ from jaxtyping import Bool, Float, Int64
 
 from robust6dof.tracking.surface.cloud import Cloud, sums, voxel_cells
 
+_COLOR_MEMORY = 1.0
+"""Colours change with the side they are seen from (a metal lid): what was seen before counts as
+much as so many views like the newest, at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceModel:
@@ -40,7 +44,7 @@ class SurfaceModel:
         return cls(Cloud.empty(), np.zeros(0), voxel, max_points)
 
     def merged(self, view: Cloud, weight: float) -> SurfaceModel:
-        """Average a new view in, `weight` for each of its points."""
+        """Average a new view in, `weight` for each of its points; colours forget faster."""
         if not len(view):
             return self
         both = self.cloud.joined(view)
@@ -50,7 +54,8 @@ class SurfaceModel:
         points = sums(group, both.points * weights[:, None], len(totals)) / totals[:, None]
         normals = sums(group, both.normals * weights[:, None], len(totals))
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-        cloud = Cloud(points, normals, _known_means(group, both.color, weights, len(totals)))
+        recent = np.minimum(weights, _COLOR_MEMORY * weight)
+        cloud = Cloud(points, normals, _known_means(group, both.color, recent, len(totals)))
         keep = np.sort(np.argsort(-totals, kind="stable")[: self.max_points])
         return SurfaceModel(cloud[keep], totals[keep], self.voxel, self.max_points)
 
