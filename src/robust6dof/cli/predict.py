@@ -52,18 +52,17 @@ def run(options: Options) -> None:
     """Follow everything, saying which sequence is done."""
     from functools import partial
 
-    from robust6dof.baselines.registry import REMARKS, make_tracker
+    from robust6dof.baselines.registry import make_tracker
     from robust6dof.evaluation.predict import predict
     from robust6dof.evaluation.run_info import RunInfo
 
-    info = RunInfo(
+    info = RunInfo.of_named(
         options.tracker,
         options.protocol,
-        str(options.data.resolve()),
+        options.data,
         options.seed,
-        weights=str(options.weights.resolve()) if options.weights else "",
-        remark=REMARKS.get(options.tracker, ""),
-        meshes=str(options.meshes.resolve()) if options.meshes else "",
+        options.weights,
+        options.meshes,
         every=options.every,
         drop=options.drop,
         most=options.most,

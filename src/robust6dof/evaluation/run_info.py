@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+from robust6dof.baselines.registry import REMARKS
 from robust6dof.evaluation.frame_choice import FrameChoice
 
 
@@ -29,9 +32,31 @@ class RunInfo:
     """n of the paper's Init×n: further noise on the first pose."""
     all_noise: float = 0.0
     """n of its All×n: noise on every pose that the tracker steps from."""
-
     single_view: bool = False
     """Each frame by itself, from its mask alone: an estimate, not a track."""
+
+    @staticmethod
+    def of_named(
+        tracker: str,
+        protocol: str,
+        data: Path,
+        seed: int,
+        weights: Path | None = None,
+        meshes: Path | None = None,
+        **choices: Any,
+    ) -> RunInfo:
+        """Of a tracker that `baselines.registry` knows, with its remark; `choices` are the other
+        fields."""
+        return RunInfo(
+            tracker,
+            protocol,
+            str(data.resolve()),
+            seed,
+            weights=str(weights.resolve()) if weights else "",
+            remark=REMARKS.get(tracker, ""),
+            meshes=str(meshes.resolve()) if meshes else "",
+            **choices,
+        )
 
     @property
     def frames(self) -> FrameChoice:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from robust6dof.baselines.registry import REMARKS, make_tracker
+from robust6dof.baselines.registry import make_tracker
 from robust6dof.data.dataset import Dataset
 from robust6dof.data.truth_file import open_with_truth
 from robust6dof.evaluation.evaluate import Stored, read_stored, score_stored
@@ -123,15 +123,8 @@ class Setting:
         """
         weights = choices.pop("weights", self.weights)
         given: dict[str, Any] = {"most": self.size.frames} | choices
-        info = RunInfo(
-            tracker,
-            protocol,
-            str(self.dataset_path().resolve()),
-            self.seed,
-            weights=str(weights.resolve()) if weights else "",
-            remark=REMARKS.get(tracker, ""),
-            meshes=str(self.meshes.resolve()) if self.meshes else "",
-            **given,
+        info = RunInfo.of_named(
+            tracker, protocol, self.dataset_path(), self.seed, weights, self.meshes, **given
         )
         name = "-".join(part for part in (tracker, protocol, label) if part)
         out = self.out.parent / "runs" / self.dataset_path().name / name
