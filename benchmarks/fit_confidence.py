@@ -71,7 +71,7 @@ def follow(number: int, folder: Path, start: int) -> Sample:
         if track.memory.evidence is None:
             unseen.append(fits)
         else:
-            evidence.append(np.append(track.memory.surface.confidence, track.memory.evidence))
+            evidence.append(track.memory.evidence)
             right.append(fits)
     return Sample(number, np.array(evidence), np.array(right, bool), len(unseen), sum(unseen))
 

@@ -7,7 +7,7 @@ import pytest
 
 from baselines.tabletop_scene import look_at_object, make_tabletop
 from robust6dof.frames import RgbdFrame
-from robust6dof.geometry.transforms import make_transform, rotation_error
+from robust6dof.geometry.transforms import make_transform, rotation_about_y, rotation_error
 from robust6dof.tracking.place import PlaceConfig, PlaceMemory
 
 SCENE = make_tabletop("mug", 0)
@@ -56,10 +56,18 @@ def test_the_place_is_recognised_after_frames_that_show_nothing() -> None:
 def test_the_object_is_looked_for_near_its_place_and_farther_as_time_goes_by() -> None:
     memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
     aside = make_transform(np.eye(3), np.array([0.0, 0.3, 0.0])) @ shot(0.1).T_cam_obj
-    assert memory.may_hold(shot(0.1).T_cam_obj, CONFIG)
-    assert not memory.may_hold(aside, CONFIG)
-    assert replace(memory, seconds=2.0).may_hold(aside, CONFIG)
-    assert replace(memory, seconds=0.5, moving=True).may_hold(aside, CONFIG)
+    assert memory.may_hold(shot(0.1).T_cam_obj, False, CONFIG)
+    assert not memory.may_hold(aside, False, CONFIG)
+    assert replace(memory, seconds=2.0).may_hold(aside, False, CONFIG)
+    assert replace(memory, seconds=0.5, moving=True).may_hold(aside, False, CONFIG)
+
+
+def test_an_object_that_stood_still_has_not_turned_round() -> None:
+    memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
+    turned = shot(0.1).T_cam_obj @ make_transform(rotation_about_y(np.pi / 2), np.zeros(3))
+    assert not memory.may_hold(turned, False, CONFIG)
+    assert memory.may_hold(turned, True, CONFIG)
+    assert replace(memory, seconds=2.0).may_hold(turned, False, CONFIG)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +88,7 @@ def test_where_the_place_is_not_known_for_long_all_is_looked_at() -> None:
     assert blurred.after_loss(dark(frame), 0.2, CONFIG).worth_a_search(frame, CONFIG)
     colorless = memory.after_loss(replace(frame, has_color=False), 0.1, CONFIG)
     assert colorless.worth_a_search(frame, CONFIG)
-    assert colorless.may_hold(make_transform(np.eye(3), np.full(3, 5.0)), CONFIG)
+    assert colorless.may_hold(make_transform(np.eye(3), np.full(3, 5.0)), False, CONFIG)
 
 
 def test_few_frames_are_kept_and_sight_ends_the_loss() -> None:

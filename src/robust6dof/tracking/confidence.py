@@ -43,8 +43,11 @@ def keypoint_evidence(estimate: JointPose) -> Float[np.ndarray, "5"]:
     )
 
 
-TRACK_CONFIDENCE = ConfidenceModel((4.6, -1.4, -1.5, -0.35), 0.5)
-"""For the registration's confidence, then `look_evidence`; by `benchmarks/fit_confidence.py`."""
+TRACK_CONFIDENCE = ConfidenceModel((-0.54, -2.26, -0.53), -3.52)
+"""For `look_evidence`; by `benchmarks/fit_confidence.py`."""
+
+_LEAST_DEVIATION = 0.03
+"""Two views never agree better by more than chance."""
 
 
 def look_evidence(
@@ -53,7 +56,7 @@ def look_evidence(
     scale: float,
     symmetric: bool,
 ) -> Float[np.ndarray, "3"]:
-    """What one look of the network says against a tracked pose, each part about 0 to 1.
+    """What one look of the network says against a tracked pose.
 
     Args:
         anchor: what this view alone says.
@@ -62,13 +65,12 @@ def look_evidence(
         symmetric: compare the axes alone.
 
     Returns:
-        How far the anchor is from it in rotation, place and size.
+        Logarithms of how far the anchor is from it in rotation, place and size, each about 0 to 1.
     """
     apart = Disagreement.between(T_cam_obj, scale, anchor.T_cam_obj, anchor.scale, symmetric)
-    return np.array(
-        [
-            min(apart.rotation / np.deg2rad(30.0), 2.0),
-            min(apart.translation / (0.25 * scale), 2.0),
-            min(abs(apart.log_scale) / 0.3, 2.0),
-        ]
-    )
+    deviations = [
+        min(apart.rotation / np.deg2rad(30.0), 2.0),
+        min(apart.translation / (0.25 * scale), 2.0),
+        min(abs(apart.log_scale) / 0.3, 2.0),
+    ]
+    return np.log(np.array(deviations) + _LEAST_DEVIATION)

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.camera import project
+from robust6dof.geometry.transforms import orientation_error
 from robust6dof.solver.pnp import ransac_pnp
 from robust6dof.tracking.image_features import FeatureConfig, Features, detect_features, match
 
@@ -37,6 +38,12 @@ class PlaceConfig:
     """… and farther by this as time goes by [m/s]; …"""
     moving_speed: float = 0.5
     """… by this if it was moving."""
+    reach_rad: float = np.deg2rad(30.0)
+    """It has not turned by more than this, …"""
+    turning: float = np.deg2rad(40.0)
+    """… and as time goes by this [rad/s]; …"""
+    moving_turning: float = np.deg2rad(90.0)
+    """… this if it was moving."""
     patience_s: float = 0.5
     """Where it is not known for longer, the object is looked for everywhere."""
 
@@ -120,12 +127,22 @@ class PlaceMemory:
         unknown_s = self.unknown_s + seconds if frame.has_color else np.inf
         return replace(memory, unknown_s=unknown_s)
 
-    def may_hold(self, T_cam_obj: Float[np.ndarray, "4 4"], config: PlaceConfig) -> bool:
-        """Whether the object may be here by now; anywhere where its place is not known."""
+    def may_hold(
+        self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
+    ) -> bool:
+        """Whether the object may be here by now; anywhere where its place is not known.
+
+        Args:
+            T_cam_obj: of the same frame as those that were remembered.
+            symmetric: its turn about y says nothing.
+            config: how fast it may have moved.
+        """
         if self.T_cam_obj is None:
             return True
         gap = float(np.linalg.norm(T_cam_obj[:3, 3] - self.T_cam_obj[:3, 3]))
-        return gap < self._reach(config)
+        turn = orientation_error(T_cam_obj[:3, :3], self.T_cam_obj[:3, :3], symmetric)
+        turning = config.moving_turning if self.moving else config.turning
+        return bool(gap < self._reach(config) and turn < config.reach_rad + turning * self.seconds)
 
     def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
         """Whether the object may be in view; not while the image is too blurred to say."""

@@ -9,7 +9,6 @@ import torch
 from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame, Track
-from robust6dof.geometry.transforms import invert_transform
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.joint_pose import solve_joint_pose
@@ -52,7 +51,7 @@ class Rescue:
             looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
         if lost:
-            believed = [one for one in believed if self._is_in_place(one, memory)]
+            believed = [one for one in believed if self._is_in_place(one.surface.T_cam_obj, memory)]
         else:
             believed.append(look)
         if not believed:
@@ -96,7 +95,7 @@ class Rescue:
         guesses = poses_to_try(
             frame, T_cam_last, scale, color, self._encoder.symmetric, config.recovery
         )
-        guesses = [T for T in guesses if memory.place.may_hold(T, config.place)]
+        guesses = [T for T in guesses if self._is_in_place(memory.T_cam_model(T), memory)]
         if memory.place.T_cam_obj is not None:
             guesses.insert(0, T_cam_last)
         return seen_poses(
@@ -129,11 +128,11 @@ class Rescue:
         self, T_cam_obj: np.ndarray, frame: RgbdFrame, memory: TrackerMemory
     ) -> Track:
         """Registration that begins with the object here and at rest."""
-        T_cam_model = T_cam_obj @ invert_transform(memory.canonical.T_model_obj)
-        return self._surface.step(memory.surface_at(T_cam_model), frame, learn=False)
+        at_rest = memory.surface_at(memory.T_cam_model(T_cam_obj))
+        return self._surface.step(at_rest, frame, learn=False)
 
-    def _is_in_place(self, look: Look, memory: TrackerMemory) -> bool:
-        return memory.place.may_hold(look.surface.T_cam_obj, self._config.place)
+    def _is_in_place(self, T_cam_model: np.ndarray, memory: TrackerMemory) -> bool:
+        return memory.place.may_hold(T_cam_model, self._encoder.symmetric, self._config.place)
 
     def _is_confirmed(self, look: Look, memory: TrackerMemory) -> bool:
         """Whether the network, looking there, sees the object as it is registered."""

@@ -216,8 +216,7 @@ class Tracker:
     def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
         if evidence is None:
             return 0.0
-        confidence = self.config.confidence(np.append(surface.confidence, evidence))
-        return min(confidence, self.config.surface_share * surface.confidence)
+        return min(self.config.confidence(evidence), self.config.surface_share * surface.confidence)
 
     def _updated(
         self,

@@ -28,7 +28,7 @@ class TrackerConfig:
     pose: JointPoseConfig = field(default_factory=JointPoseConfig)
     """Of the poses that the network alone proposes."""
     confidence: ConfidenceModel = TRACK_CONFIDENCE
-    surface_share: float = 4.0
+    surface_share: float = 2.0
     """The confidence is at most so many times that of the registration: a network that says what it
     was told is no witness."""
     states: StateRules = field(default_factory=StateRules)

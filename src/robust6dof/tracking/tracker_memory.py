@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame, Track
+from robust6dof.geometry.transforms import invert_transform
 from robust6dof.tracking.canonical_frame import CanonicalFrame
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion
@@ -43,6 +44,10 @@ class TrackerMemory:
     def T_cam_obj(self, surface: Track) -> Float[np.ndarray, "4 4"]:
         """The object where the registration puts its surface."""
         return surface.T_cam_obj @ self.canonical.T_model_obj
+
+    def T_cam_model(self, T_cam_obj: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
+        """The registration's surface where the object is here."""
+        return T_cam_obj @ invert_transform(self.canonical.T_model_obj)
 
     def following_place(
         self, frame: RgbdFrame, seconds: float, config: PlaceConfig, lost: bool
