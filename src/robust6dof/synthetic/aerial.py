@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from pathlib import Path
 
 from robust6dof.data.sequence_writer import SequenceWriter
@@ -15,6 +13,7 @@ from robust6dof.shapes.mesh import ObjectModel
 from robust6dof.shapes.procedural import make_object
 from robust6dof.synthetic.plans import VERSION, SequencePlan
 from robust6dof.synthetic.sequence import FrameTruth, SyntheticSequence
+from robust6dof.synthetic.whole_recording import is_made, making
 
 MOTION_FILE = "camera_motion.jsonl"
 """Of each frame: the camera's velocity, linear [m/s] then angular [rad/s], in its own frame, that
@@ -29,31 +28,24 @@ def synthesize(plan: SequencePlan, out: Path) -> Path:
     folder = out / plan.name
     if is_done(plan, folder):
         return folder
-    # Beside the set, so that whoever reads it meanwhile meets whole recordings only.
-    making = out.absolute().parent / f".{out.absolute().name}.{plan.name}.making"
-    shutil.rmtree(making, ignore_errors=True)
     target, alike = _objects(plan)
     sequence = SyntheticSequence.draw(target, plan.difficulty, plan.seed, plan.frames, alike=alike)
-    writer = SequenceWriter(making)
-    truths, motions = [], []
-    for index in range(len(sequence)):
-        frame, truth = sequence.frame(index)
-        writer.add(frame, mask=truth.mask, T_cam_obj=truth.T_cam_obj)
-        truths.append(_line(plan, frame, truth))
-        motions.append(_motion(frame, truth, sequence.exposure_s))
-    write_truth_file(making / FILE_NAME, truths)
-    (making / MOTION_FILE).write_text("".join(json.dumps(m) + "\n" for m in motions))
-    (making / "plan.json").write_text(_plan_text(plan))
-    shutil.rmtree(folder, ignore_errors=True)
-    out.mkdir(parents=True, exist_ok=True)
-    os.replace(making, folder)
+    with making(folder, _plan_text(plan)) as place:
+        writer = SequenceWriter(place)
+        truths, motions = [], []
+        for index in range(len(sequence)):
+            frame, truth = sequence.frame(index)
+            writer.add(frame, mask=truth.mask, T_cam_obj=truth.T_cam_obj)
+            truths.append(_line(plan, frame, truth))
+            motions.append(_motion(frame, truth, sequence.exposure_s))
+        write_truth_file(place / FILE_NAME, truths)
+        (place / MOTION_FILE).write_text("".join(json.dumps(m) + "\n" for m in motions))
     return folder
 
 
 def is_done(plan: SequencePlan, folder: Path) -> bool:
     """Whether the folder holds this plan's whole recording."""
-    path = folder / "plan.json"
-    return path.is_file() and path.read_text() == _plan_text(plan)
+    return is_made(folder, _plan_text(plan))
 
 
 def _plan_text(plan: SequencePlan) -> str:

@@ -8,7 +8,6 @@ without saying so.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,6 +29,7 @@ from robust6dof.rendering.sensor import StereoSensor, StereoSensorConfig
 from robust6dof.shapes.mesh import Material, TexturedMesh
 from robust6dof.shapes.textures import any_pattern
 from robust6dof.synthetic.support_plane import find_support
+from robust6dof.synthetic.whole_recording import is_made, making
 from robust6dof.synthetic.ycb_source import YcbSource, YcbVideoPlan
 
 VERSION = "0.1"
@@ -41,19 +41,14 @@ _TABLE_ID = len(YCB_OBJECTS) + 1
 def render_ycb_video(plan: YcbVideoPlan, source: YcbSource, out: Path) -> Path:
     """Write one video as a recording with `ground_truth.jsonl`; a whole one is kept."""
     folder, text = out / plan.video, json.dumps(vars(plan) | {"version": VERSION}) + "\n"
-    mark = folder / "plan.json"
-    if mark.is_file() and mark.read_text() == text:
+    if is_made(folder, text):
         return folder
-    making = out / f".{plan.video}.making"
-    shutil.rmtree(making, ignore_errors=True)
     video = RerenderedVideo(plan, source)
-    writer, truths = SequenceWriter(making), []
-    for index in range(len(plan.frames)):
-        truths += video.write_frame(index, writer)
-    write_truth_file(making / FILE_NAME, truths)
-    (making / "plan.json").write_text(text)
-    shutil.rmtree(folder, ignore_errors=True)
-    os.replace(making, folder)
+    with making(folder, text) as place:
+        writer, truths = SequenceWriter(place), []
+        for index in range(len(plan.frames)):
+            truths += video.write_frame(index, writer)
+        write_truth_file(place / FILE_NAME, truths)
     return folder
 
 
