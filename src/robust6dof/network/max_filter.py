@@ -132,7 +132,9 @@ class _MaxFilter(torch.autograd.Function):
 
 
 def _similarity(query: Tensor, key: Tensor, scale: float) -> Tensor:
-    return ((scale * query) @ key.mT).softmax(-1)
+    score = (scale * query) @ key.mT
+    in_place = score.dtype == query.dtype  # under autocast the softmax chooses its own
+    return torch.softmax(score, -1, out=score if in_place else None)
 
 
 def _row_blocks(query: Tensor) -> list[slice]:

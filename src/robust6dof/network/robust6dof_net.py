@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from robust6dof.network.augmentation import Augmentation, PriorEncoder
 from robust6dof.network.config import NetworkConfig
+from robust6dof.network.device import keep_freed_memory
 from robust6dof.network.fusion import DenseFusion
 from robust6dof.network.inputs import PriorFeatures, ViewBatch, ViewFeatures, to_camera
 from robust6dof.network.keypoints import (
@@ -37,6 +38,7 @@ class Robust6DofNet(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
+        keep_freed_memory()
         self.config = config
         self.prior_encoder = PriorEncoder(config)
         self.fusion = DenseFusion(config)
@@ -97,12 +99,14 @@ class Robust6DofNet(nn.Module):
             f_obj, f_aug, view.points, correspondence
         )
         if self.config.keypoint_source == "unsupervised":
-            keypoints, assignment = self.unsupervised(f_aug, view.points)
+            regressed, assignment = self.unsupervised(f_aug, view.points)
         else:
+            regressed = None
             assignment = self.assignment(f_obj, f_temp, f_aug, canonical, foreground, prior)
-            keypoints = assignment @ view.points
+        values = torch.cat([view.points.mT, canonical.mT, log_error[:, None]], 1)
+        place, keypoint_canonical, expected = (assignment @ values.mT).split([3, 3, 1], -1)
+        keypoints = place if regressed is None else regressed
         features = self.triplane(keypoints, view.points, torch.cat([f_obj, f_temp, f_aug], -1))
-        keypoint_canonical = assignment @ canonical
         return ViewFeatures(
             points=view.points,
             f_obj=f_obj,
@@ -114,9 +118,7 @@ class Robust6DofNet(nn.Module):
             keypoints=keypoints,
             keypoint_features=features,
             keypoint_canonical=keypoint_canonical,
-            keypoint_log_error=self._expect_error(
-                features, assignment, log_error, prior, keypoint_canonical
-            ),
+            keypoint_log_error=self._expect_error(features, expected, prior, keypoint_canonical),
             keypoints_cam=to_camera(keypoints, view.T_cam_pred, view.scale),
             T_cam_pred=view.T_cam_pred,
             scale=view.scale,
@@ -125,13 +127,12 @@ class Robust6DofNet(nn.Module):
     def _expect_error(
         self,
         features: Tensor,
-        assignment: Tensor,
-        log_error: Tensor,
+        expected: Float[Tensor, "B K 1"],
         prior: PriorFeatures,
         keypoint_canonical: Tensor,
     ) -> Float[Tensor, "B K"]:
         """Expected keypoint error from its features, its points' errors, how near its anchor."""
-        expected = (assignment @ log_error[..., None]).detach()
+        expected = expected.detach()
         reach = torch.zeros_like(expected)
         if self.config.keypoint_source == "prior":
             reach = (keypoint_canonical - prior.anchors).norm(dim=-1, keepdim=True).detach()
