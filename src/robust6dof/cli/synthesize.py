@@ -46,25 +46,16 @@ class Options(CommonOptions):
 
 def run(options: Options) -> None:
     """Make what is not there yet."""
-    from concurrent.futures import ProcessPoolExecutor
     from functools import partial
-    from multiprocessing import get_context
 
-    from tqdm import tqdm
-
+    from robust6dof.cli.make_all import make_all
     from robust6dof.synthetic.aerial import synthesize
 
     plans = _plans(options)
     last = len(plans) - 1 if options.last is None else options.last
     mine = plans[options.first : last + 1]
     options.out.mkdir(parents=True, exist_ok=True)
-    make = partial(synthesize, out=options.out)
-    if options.processes == 1:
-        for plan in tqdm(mine, desc="recordings"):
-            make(plan)
-    else:
-        with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-            list(tqdm(pool.map(make, mine), total=len(mine), desc="recordings"))
+    make_all(partial(synthesize, out=options.out), mine, options.processes, "recordings")
     print(f"{len(mine)} recordings: {options.out}")
 
 

@@ -32,12 +32,9 @@ class Options(CommonOptions):
 
 def run(options: Options) -> None:
     """Render what is not there yet."""
-    from concurrent.futures import ProcessPoolExecutor
     from functools import partial
-    from multiprocessing import get_context
 
-    from tqdm import tqdm
-
+    from robust6dof.cli.make_all import make_all
     from robust6dof.synthetic.ycb_source import YcbSource, plan_ycb_video
     from robust6dof.synthetic.ycb_video import render_ycb_video, write_models
 
@@ -46,10 +43,5 @@ def run(options: Options) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     write_models(plans, source, options.out)
     make = partial(render_ycb_video, source=source, out=options.out)
-    if options.processes == 1:
-        for plan in tqdm(plans, desc="videos"):
-            make(plan)
-    else:
-        with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-            list(tqdm(pool.map(make, plans), total=len(plans), desc="videos"))
+    make_all(make, plans, options.processes, "videos")
     print(f"{len(plans)} videos, {sum(len(p.frames) for p in plans)} frames: {options.out}")
