@@ -42,7 +42,7 @@ class PlaceConfig:
     """It has not turned by more than this, …"""
     turning: float = np.deg2rad(40.0)
     """… and as time goes by this [rad/s]; …"""
-    moving_turning: float = np.deg2rad(90.0)
+    moving_turning: float = np.deg2rad(60.0)
     """… this if it was moving."""
     patience_s: float = 0.5
     """Where it is not known for longer, the object is looked for everywhere."""
