@@ -8,11 +8,7 @@ from jaxtyping import Float
 from robust6dof.geometry.transforms import transform_points
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.servo.config import PadServoConfig
-from robust6dof.servo.interaction import (
-    nearest_symmetric_turn,
-    translation_interaction,
-    turning_interaction,
-)
+from robust6dof.servo.interaction import translation_interaction, turning_interaction
 from robust6dof.servo.laws import Sight, solve_task
 from robust6dof.servo.least_squares import damped_inverse
 
@@ -28,11 +24,7 @@ def ibvs_law(
     Chaumette & Hutchinson, Visual servo control part I (2006), Eqs. 4–11. Points behind the
     camera stop it.
     """
-    T_cam_obj = sight.T_cam_obj.copy()
-    if sight.symmetric:
-        R, R_goal = T_cam_obj[:3, :3], sight.T_cam_obj_goal[:3, :3]
-        T_cam_obj[:3, :3] = R @ nearest_symmetric_turn(R, R_goal)
-    points = transform_points(T_cam_obj, POINTS_OBJ)
+    points = transform_points(sight.T_cam_obj_turned, POINTS_OBJ)
     goal = transform_points(sight.T_cam_obj_goal, POINTS_OBJ)
     if min(points[:, 2].min(), goal[:, 2].min()) <= 0.01:
         return np.zeros(4 + len(sight.joints))

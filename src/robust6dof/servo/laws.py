@@ -17,11 +17,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from robust6dof.geometry.transforms import make_transform
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.robot.velocity_transmission import TILT_COLUMNS, VEHICLE_COLUMNS
 from robust6dof.servo.config import PadServoConfig
 from robust6dof.servo.interaction import (
     extended_image_point,
+    nearest_symmetric_turn,
     point_interaction,
     printed_rotation_error_vector,
     rotation_error_vector,
@@ -65,6 +67,14 @@ class Sight:
         return extended_image_point(self.T_cam_obj[:3, 3]) - extended_image_point(
             self.T_cam_obj_goal[:3, 3]
         )
+
+    @property
+    def T_cam_obj_turned(self) -> Float[np.ndarray, "4 4"]:
+        """The pose; a symmetric object's turned about its y axis to where θ is least."""
+        if not self.symmetric:
+            return self.T_cam_obj
+        R, R_goal = self.T_cam_obj[:3, :3], self.T_cam_obj_goal[:3, :3]
+        return make_transform(R @ nearest_symmetric_turn(R, R_goal), self.T_cam_obj[:3, 3])
 
     @cached_property
     def rotation_error(self) -> Float[np.ndarray, "3"]:

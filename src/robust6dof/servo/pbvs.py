@@ -8,7 +8,6 @@ from jaxtyping import Float
 from robust6dof.geometry.transforms import invert_transform
 from robust6dof.robot.aerial_manipulator import AerialManipulator
 from robust6dof.servo.config import PadServoConfig
-from robust6dof.servo.interaction import nearest_symmetric_turn
 from robust6dof.servo.laws import Sight, solve_task
 
 
@@ -20,11 +19,7 @@ def pbvs_law(
     Chaumette & Hutchinson, Visual servo control part I (2006), Eq. 15, with s = (c*t_c, θu):
     the camera's path is a straight line, and the object may leave the image.
     """
-    T_cam_obj = sight.T_cam_obj.copy()
-    if sight.symmetric:
-        R, R_goal = T_cam_obj[:3, :3], sight.T_cam_obj_goal[:3, :3]
-        T_cam_obj[:3, :3] = R @ nearest_symmetric_turn(R, R_goal)
-    T_goal_cam = sight.T_cam_obj_goal @ invert_transform(T_cam_obj)
+    T_goal_cam = sight.T_cam_obj_goal @ invert_transform(sight.T_cam_obj_turned)
     v = -config.lambda_p * T_goal_cam[:3, :3].T @ T_goal_cam[:3, 3]
     V = np.concatenate([v, -config.lambda_r * sight.rotation_error])
     return solve_task(robot, sight, config, np.eye(6), V)
