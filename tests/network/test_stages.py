@@ -11,8 +11,14 @@ from robust6dof.network.augmentation import Augmentation, PriorEncoder, ShapeFil
 from robust6dof.network.config import preset
 from robust6dof.network.fusion import sample_pixels
 from robust6dof.network.inputs import farthest_points
-from robust6dof.network.keypoints import AssignmentHead, TriPlane, UnsupervisedKeypoints
+from robust6dof.network.keypoints import (
+    AssignmentHead,
+    TriPlane,
+    UnsupervisedKeypoints,
+    nearest_reference,
+)
 from robust6dof.network.matching import dual_softmax, mutual_matches, score_matrix, select_pairs
+from robust6dof.network.nearest_numba import nearest_in_plane
 from robust6dof.network.robust6dof_net import Robust6DofNet
 
 CONFIG = replace(preset("tiny"), points=6, prior_points=7, keypoints=4, width=8, rank=3)
@@ -128,6 +134,17 @@ def test_triplane_reads_the_nearest_point_in_each_plane():
                 found.append(plane[b, gaps.index(min(gaps))])
             row = torch.cat(found)
             torch.testing.assert_close(got[b, k], row / row.norm())
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("search", [nearest_in_plane, nearest_reference])
+@pytest.mark.parametrize(("keypoints", "points"), [(1, 1), (5, 63), (7, 64), (9, 300)])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_each_search_finds_the_nearest_point(search, keypoints, points, dtype):
+    k, p = torch.randn(2, keypoints, 2, dtype=dtype), torch.randn(2, points, 2, dtype=dtype)
+    distance = (k[:, :, None] - p[:, None]).norm(dim=-1)
+    found = distance.gather(2, search(k, p)[..., None])[..., 0]
+    torch.testing.assert_close(found, distance.amin(-1))
 
 
 @torch.no_grad()

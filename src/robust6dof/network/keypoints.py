@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
+from robust6dof.network import max_filter_numba, nearest_numba
 from robust6dof.network.attention import FeedForward, LowRankAttention
 from robust6dof.network.config import NetworkConfig
 from robust6dof.network.inputs import PriorFeatures
@@ -128,10 +129,20 @@ def nearest_in_planes(
     found = []
     for plane in _PLANES:
         k, p = keypoints.detach()[..., plane], points.detach()[..., plane]
-        # ‖p − k‖² less ‖k‖², which is the same for all points.
-        square = torch.baddbmm(p.square().sum(-1)[:, None], k, p.mT, alpha=-2.0)
-        found.append(square.argmin(-1))
+        search = nearest_reference
+        if max_filter_numba.supports(p) and k.dtype == p.dtype:
+            search = nearest_numba.nearest_in_plane
+        found.append(search(k, p))
     return found
+
+
+def nearest_reference(
+    keypoints: Float[Tensor, "B K 2"], points: Float[Tensor, "B N 2"]
+) -> Int[Tensor, "B K"]:
+    """The same for one plane in plain PyTorch."""
+    # ‖p − k‖² less ‖k‖², which is the same for all points.
+    square = torch.baddbmm(points.square().sum(-1)[:, None], keypoints, points.mT, alpha=-2.0)
+    return square.argmin(-1)
 
 
 class PointHead(nn.Module):

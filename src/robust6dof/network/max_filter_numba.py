@@ -61,16 +61,16 @@ def _as_array(tensor: Tensor) -> np.ndarray:
 
 
 @no_type_check
-def _type_larger(_context: Any, a: Any, _b: Any) -> Any:
+def _typelarger(_context: Any, a: Any, _b: Any) -> Any:
     @no_type_check
     def generate(_ctx: Any, builder: IRBuilder, _signature: Any, args: Any) -> Any:
-        is_larger = builder.fcmp_ordered(">", args[0], args[1], flags=["fast"])
-        return builder.select(is_larger, args[0], args[1], flags=["fast"])
+        islarger = builder.fcmp_ordered(">", args[0], args[1], flags=["fast"])
+        return builder.select(islarger, args[0], args[1], flags=["fast"])
 
     return a(a, a), generate
 
 
-_larger: Any = intrinsic(_type_larger)
+larger: Any = intrinsic(_typelarger)
 """max(a, b) as one instruction: numba's own max does not vectorise."""
 
 
@@ -91,14 +91,14 @@ def _max_product(W, A, best):
             a0, a1, a2, a3 = A[c], A[c1], A[c2], A[c3]
             m0 = m1 = m2 = m3 = n0 = n1 = n2 = n3 = lowest
             for j in range(columns):
-                m0 = _larger(w[j] * a0[j], m0)
-                m1 = _larger(w[j] * a1[j], m1)
-                m2 = _larger(w[j] * a2[j], m2)
-                m3 = _larger(w[j] * a3[j], m3)
-                n0 = _larger(v[j] * a0[j], n0)
-                n1 = _larger(v[j] * a1[j], n1)
-                n2 = _larger(v[j] * a2[j], n2)
-                n3 = _larger(v[j] * a3[j], n3)
+                m0 = larger(w[j] * a0[j], m0)
+                m1 = larger(w[j] * a1[j], m1)
+                m2 = larger(w[j] * a2[j], m2)
+                m3 = larger(w[j] * a3[j], m3)
+                n0 = larger(v[j] * a0[j], n0)
+                n1 = larger(v[j] * a1[j], n1)
+                n2 = larger(v[j] * a2[j], n2)
+                n3 = larger(v[j] * a3[j], n3)
             best[i, c], best[i, c1], best[i, c2], best[i, c3] = m0, m1, m2, m3
             best[i1, c], best[i1, c1], best[i1, c2], best[i1, c3] = n0, n1, n2, n3
 
@@ -115,8 +115,8 @@ def _max_sum(W, A, B, best):
             a0, a1, b0, b1 = A[c], A[c1], B[c], B[c1]
             m0 = m1 = lowest
             for j in range(columns):
-                m0 = _larger(w[j] * a0[j] + b0[j], m0)
-                m1 = _larger(w[j] * a1[j] + b1[j], m1)
+                m0 = larger(w[j] * a0[j] + b0[j], m0)
+                m1 = larger(w[j] * a1[j] + b1[j], m1)
             best[i, c], best[i, c1] = m0, m1
 
 
@@ -135,10 +135,10 @@ def _max_and_index(W, A, B, has_offset, best, index):
                 found = lowest
                 if has_offset:
                     for j in range(start, stop):
-                        found = _larger(w[j] * a[j] + b[j], found)
+                        found = larger(w[j] * a[j] + b[j], found)
                 else:
                     for j in range(start, stop):
-                        found = _larger(w[j] * a[j], found)
+                        found = larger(w[j] * a[j], found)
                 if found > highest:
                     highest, chunk = found, start
             where, nearest = chunk, A.dtype.type(np.inf)
