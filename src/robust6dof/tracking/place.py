@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.camera import project
-from robust6dof.geometry.transforms import orientation_error
+from robust6dof.geometry.transforms import orientation_error, transform_points
 from robust6dof.solver.pnp import ransac_pnp
 from robust6dof.tracking.image_features import FeatureConfig, Features, detect_features, match
 
@@ -24,10 +24,12 @@ from robust6dof.tracking.image_features import FeatureConfig, Features, detect_f
 class PlaceConfig:
     """How the place of a lost object is remembered."""
 
-    features: FeatureConfig = field(default_factory=lambda: FeatureConfig(most=400))
+    features: FeatureConfig = field(default_factory=lambda: FeatureConfig(most=400, ratio=0.8))
     least_inliers: int = 12
     """Matches that agree, or the surroundings are not recognised."""
     inlier_px: float = 3.0
+    inlier_m: float = 0.1
+    """A match agrees within both: few in a repeated pattern do in depth, too."""
     kept_every: int = 10
     """One in so many frames is kept besides the last, …"""
     kept: int = 3
@@ -76,7 +78,11 @@ class SeenPlace:
         fit = ransac_pnp(
             self.features.points[old], features.pixels[new].astype(float), frame.K, config.inlier_px
         )
-        if fit is None or fit.inliers.sum() < config.least_inliers:
+        if fit is None:
+            return None
+        moved = transform_points(fit.T_dst_src, self.features.points[old])
+        apart = np.linalg.norm(moved - features.points[new], axis=-1)
+        if (fit.inliers & (apart < config.inlier_m)).sum() < config.least_inliers:
             return None
         return SeenPlace(frame, fit.T_dst_src @ self.T_cam_obj, features)
 
@@ -118,14 +124,26 @@ class PlaceMemory:
         features = _features(frame, config)
         seen = tuple(view.described(config) for view in self.seen)
         memory = replace(self, seen=seen, seconds=self.seconds + seconds, frames=0, T_cam_obj=None)
-        followed = () if self.followed is None else (self.followed,)
-        # The frames that show the object come first: what is followed from frame to frame drifts.
-        for view in (*reversed(seen), *followed):
-            here = view.recognised_in(frame, features, config)
-            if here is not None:
-                return replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
+        here = memory._recognised(frame, features, config)
+        if here is not None:
+            return replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
         unknown_s = self.unknown_s + seconds if frame.has_color else np.inf
         return replace(memory, unknown_s=unknown_s)
+
+    def _recognised(
+        self, frame: RgbdFrame, features: Features, config: PlaceConfig
+    ) -> SeenPlace | None:
+        """From the frame before, whose drift the last sight mends; else from any sight. A pattern
+        that repeats itself looks alike at several places, but not one step from the last."""
+        *earlier, last = self.seen
+        followed = self.followed and self.followed.recognised_in(frame, features, config)
+        mended = last.recognised_in(frame, features, config)
+        if followed is None:
+            sights = (view.recognised_in(frame, features, config) for view in reversed(earlier))
+            return mended or next((one for one in sights if one is not None), None)
+        if mended is None or _apart(mended, followed) > config.inlier_m:
+            return followed
+        return mended
 
     def may_hold(
         self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
@@ -161,6 +179,10 @@ class PlaceMemory:
         """How far from its place the object may be [m]."""
         speed = config.moving_speed if self.moving else config.speed
         return config.reach_m + speed * self.seconds
+
+
+def _apart(a: SeenPlace, b: SeenPlace) -> float:
+    return float(np.linalg.norm(a.T_cam_obj[:3, 3] - b.T_cam_obj[:3, 3]))
 
 
 def _features(frame: RgbdFrame, config: PlaceConfig) -> Features:
