@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from robust6dof.errors import DataError
+from robust6dof.geometry.transforms import rotation_about_y
 from robust6dof.shapes.file_textures import Painted, merge, paint
 from robust6dof.shapes.mesh import Material, ObjectModel, TexturedMesh
 
@@ -185,8 +186,7 @@ def _check(path: Path, mesh: TexturedMesh) -> None:
 
 def _canonical_rotation(up: Literal["y", "z"], turn_deg: float) -> np.ndarray:
     stand = np.eye(3) if up == "y" else np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]]) @ stand
+    return rotation_about_y(np.radians(turn_deg)) @ stand
 
 
 def _object_name(path: Path) -> str:

@@ -66,24 +66,32 @@ def make_ycb_stand_in(name: str) -> ObjectModel:
     return ObjectModel(TexturedMesh(vertices, part.faces, part.uv, grey), name, f"{name}_stand_in")
 
 
+def find_ycb_scan(folder: str | Path, name: str) -> Path:
+    """NAME/textured.obj or NAME/google_16k/textured.obj.
+
+    Raises:
+        DataError: there is neither.
+    """
+    home = Path(folder) / name
+    for path in (home / "textured.obj", home / "google_16k" / "textured.obj"):
+        if path.is_file():
+            return path
+    raise DataError(
+        home, "no scan of this object", f"Put YCB's google_16k/textured.obj into {name}/"
+    )
+
+
 def load_ycb_scan(folder: str | Path, name: str) -> ObjectModel:
     """The scanned object (google_16k) in the object frame.
 
     Args:
-        folder: holds NAME/textured.obj or NAME/google_16k/textured.obj.
+        folder: of the scans; see `find_ycb_scan`.
         name: one of YCB_OBJECTS.
 
     Raises:
         DataError: no such file, or not a mesh.
     """
-    home = Path(folder) / name
-    places = (home / "textured.obj", home / "google_16k" / "textured.obj")
-    path = next((place for place in places if place.is_file()), None)
-    if path is None:
-        raise DataError(
-            home, "no scan of this object", f"Put YCB's google_16k/textured.obj into {name}/"
-        )
-    mesh = load_mesh(path)
+    mesh = load_mesh(find_ycb_scan(folder, name))
     R_scan_ycbv = Rotation.from_euler("z", _SCAN_YAW_DEG.get(name, 0.0), degrees=True).as_matrix()
     vertices = mesh.vertices @ R_scan_ycbv @ R_YCBV_OBJ
     vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2

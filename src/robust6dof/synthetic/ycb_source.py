@@ -14,6 +14,7 @@ from robust6dof.data.ycb_video import TEST_VIDEOS
 from robust6dof.errors import DataError, InputError
 from robust6dof.shapes.loading import load_mesh
 from robust6dof.shapes.mesh import Material, TexturedMesh
+from robust6dof.shapes.ycb_objects import find_ycb_scan
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class YcbSource:
     poses: Path
     """Folder with ycbv_gt_poses_by_video.npz, ycbv_to_google16k_frame.json and models_points/."""
     meshes: Path
-    """Folder with <object>/textured.obj (google_16k)."""
+    """Folder of the scans (google_16k); see `find_ycb_scan`."""
 
     def trajectories(self) -> dict[str, dict[str, Float[np.ndarray, "F 7"]]]:
         """Video → object → one row `qw qx qy qz tx ty tz` for each frame."""
@@ -55,8 +56,7 @@ class YcbSource:
 
     def mesh(self, name: str) -> TexturedMesh:
         """The scan in YCB-Video's object frame [m]."""
-        path = self.meshes / name / "textured.obj"
-        mesh = load_mesh(path if path.is_file() else path.parent / "google_16k" / "textured.obj")
+        mesh = load_mesh(find_ycb_scan(self.meshes, name))
         frame = json.loads(self._file("ycbv_to_google16k_frame.json").read_text())[name]
         R = np.array(frame["R_ycbv_to_google16k"])
         t = np.array(frame["t_ycbv_to_google16k_m"])
