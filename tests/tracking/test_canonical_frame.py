@@ -16,6 +16,7 @@ from robust6dof.tracking.canonical_frame import (
     EXACT_START,
     ROUGH_START,
     CanonicalFrame,
+    Doubt,
 )
 
 T_MODEL_OBJ = make_transform(
@@ -150,3 +151,29 @@ def test_a_rigid_motion_of_the_camera_changes_nothing() -> None:
     ]
     np.testing.assert_allclose(seen[0].T_model_obj, seen[1].T_model_obj, atol=1e-12)
     assert np.allclose(invert_transform(seen[0].T_model_obj) @ seen[0].T_model_obj, np.eye(4))
+
+
+def at_far_start(doubt: Doubt) -> CanonicalFrame:
+    """One look at an object that stands 12 cm from where the start, off by 3 cm, says."""
+    T_far = make_transform(np.eye(3), np.array([0.12, 0.0, 0.0]))
+    T_cam_model = camera_at(0.0)
+    return CanonicalFrame.at_start(SCALE, doubt).with_look(
+        T_cam_model, T_cam_model @ T_far, SCALE, symmetric=False, seconds=0.0
+    )
+
+
+def test_a_start_far_from_the_first_look_is_given_up() -> None:
+    assert at_far_start(ROUGH_START).T_model_obj[0, 3] > 0.11
+
+
+def test_a_start_beyond_doubt_stays() -> None:
+    np.testing.assert_allclose(at_far_start(EXACT_START).T_model_obj, np.eye(4), atol=1e-6)
+
+
+def test_a_start_near_the_first_look_is_averaged_with_it() -> None:
+    T_near = make_transform(np.eye(3), np.array([0.02, 0.0, 0.0]))
+    T_cam_model = camera_at(0.0)
+    frame = CanonicalFrame.at_start(SCALE, ROUGH_START).with_look(
+        T_cam_model, T_cam_model @ T_near, SCALE, symmetric=False, seconds=0.0
+    )
+    assert 0.01 < frame.T_model_obj[0, 3] < 0.019
