@@ -56,18 +56,25 @@ def test_the_place_is_recognised_after_frames_that_show_nothing() -> None:
 def test_the_object_is_looked_for_near_its_place_and_farther_as_time_goes_by() -> None:
     memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
     aside = make_transform(np.eye(3), np.array([0.0, 0.3, 0.0])) @ shot(0.1).T_cam_obj
-    assert memory.may_hold(shot(0.1).T_cam_obj, False, CONFIG)
-    assert not memory.may_hold(aside, False, CONFIG)
-    assert replace(memory, seconds=2.0).may_hold(aside, False, CONFIG)
-    assert replace(memory, seconds=0.5, moving=True).may_hold(aside, False, CONFIG)
+    assert memory.surprise(shot(0.1).T_cam_obj, False, CONFIG) < 2.0
+    assert memory.surprise(aside, False, CONFIG) == np.inf
+    assert replace(memory, seconds=2.0).surprise(aside, False, CONFIG) < 2.0
+    assert replace(memory, seconds=0.5, moving=True).surprise(aside, False, CONFIG) < 2.0
+
+
+def test_of_two_alike_the_one_nearer_to_the_place_is_more_likely() -> None:
+    memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
+    beside = make_transform(np.eye(3), np.array([0.0, 0.09, 0.0])) @ shot(0.1).T_cam_obj
+    near = memory.surprise(shot(0.1).T_cam_obj, False, CONFIG)
+    assert near < 0.2 < 1.0 < memory.surprise(beside, False, CONFIG) < np.inf
 
 
 def test_an_object_that_stood_still_has_not_turned_round() -> None:
     memory = seen().after_loss(shot(0.1).frame, 0.1, CONFIG)
     turned = shot(0.1).T_cam_obj @ make_transform(rotation_about_y(np.pi / 2), np.zeros(3))
-    assert not memory.may_hold(turned, False, CONFIG)
-    assert memory.may_hold(turned, True, CONFIG)
-    assert replace(memory, seconds=2.0).may_hold(turned, False, CONFIG)
+    assert memory.surprise(turned, False, CONFIG) == np.inf
+    assert memory.surprise(turned, True, CONFIG) < 2.0
+    assert replace(memory, seconds=2.0).surprise(turned, False, CONFIG) < 2.0
 
 
 @pytest.mark.parametrize(
@@ -88,7 +95,7 @@ def test_where_the_place_is_not_known_for_long_all_is_looked_at() -> None:
     assert blurred.after_loss(dark(frame), 0.2, CONFIG).worth_a_search(frame, CONFIG)
     colorless = memory.after_loss(replace(frame, has_color=False), 0.1, CONFIG)
     assert colorless.worth_a_search(frame, CONFIG)
-    assert colorless.may_hold(make_transform(np.eye(3), np.full(3, 5.0)), False, CONFIG)
+    assert colorless.surprise(make_transform(np.eye(3), np.full(3, 5.0)), False, CONFIG) == 0.0
 
 
 def test_few_frames_are_kept_and_sight_ends_the_loss() -> None:

@@ -145,10 +145,11 @@ class PlaceMemory:
             return followed
         return mended
 
-    def may_hold(
+    def surprise(
         self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
-    ) -> bool:
-        """Whether the object may be here by now; anywhere where its place is not known.
+    ) -> float:
+        """Minus the log likelihood of the object being here by now, its reach being two standard
+        deviations; infinite beyond it, and 0 where its place is not known.
 
         Args:
             T_cam_obj: of the same frame as those that were remembered.
@@ -156,11 +157,12 @@ class PlaceMemory:
             config: how fast it may have moved.
         """
         if self.T_cam_obj is None:
-            return True
+            return 0.0
         gap = float(np.linalg.norm(T_cam_obj[:3, 3] - self.T_cam_obj[:3, 3]))
         turn = orientation_error(T_cam_obj[:3, :3], self.T_cam_obj[:3, :3], symmetric)
         turning = config.moving_turning if self.moving else config.turning
-        return bool(gap < self._reach(config) and turn < config.reach_rad + turning * self.seconds)
+        shares = gap / self._reach(config), turn / (config.reach_rad + turning * self.seconds)
+        return float(2.0 * (shares[0] ** 2 + shares[1] ** 2)) if max(shares) < 1.0 else np.inf
 
     def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
         """Whether the object may be in view; not while the image is too blurred to say."""

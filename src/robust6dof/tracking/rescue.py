@@ -50,14 +50,13 @@ class Rescue:
         if look.surface.confidence >= trust:
             looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
-        if lost:
-            believed = [one for one in believed if self._is_in_place(one.surface.T_cam_obj, memory)]
-        else:
-            believed.append(look)
-        if not believed:
+        if not lost:
+            return max([*believed, look], key=lambda one: one.surface.confidence)
+        beliefs = [self._belief(one.surface, memory) for one in believed]
+        if not np.isfinite(beliefs).any():
             return Look(self._held(look.surface, memory), None)
-        best = max(believed, key=lambda one: one.surface.confidence)
-        return replace(best, surface=self._on_probation(best.surface)) if lost else best
+        best = believed[int(np.argmax(beliefs))]
+        return replace(best, surface=self._on_probation(best.surface))
 
     def _on_probation(self, surface: Track) -> Track:
         memory = surface.memory.on_probation(True, 0.0, self._config.surface)
@@ -95,7 +94,7 @@ class Rescue:
         guesses = poses_to_try(
             frame, T_cam_last, scale, color, self._encoder.symmetric, config.recovery
         )
-        guesses = [T for T in guesses if self._is_in_place(memory.T_cam_model(T), memory)]
+        guesses = [T for T in guesses if np.isfinite(self._surprise(memory.T_cam_model(T), memory))]
         if memory.place.T_cam_obj is not None:
             guesses.insert(0, T_cam_last)
         return seen_poses(
@@ -131,8 +130,13 @@ class Rescue:
         at_rest = memory.surface_at(memory.T_cam_model(T_cam_obj))
         return self._surface.step(at_rest, frame, learn=False)
 
-    def _is_in_place(self, T_cam_model: np.ndarray, memory: TrackerMemory) -> bool:
-        return memory.place.may_hold(T_cam_model, self._encoder.symmetric, self._config.place)
+    def _belief(self, surface: Track, memory: TrackerMemory) -> float:
+        """Log likelihood of this being the lost object: it fits, and is not far from its place."""
+        fits = float(np.log(max(surface.confidence, 1e-6)))
+        return fits - self._surprise(surface.T_cam_obj, memory)
+
+    def _surprise(self, T_cam_model: np.ndarray, memory: TrackerMemory) -> float:
+        return memory.place.surprise(T_cam_model, self._encoder.symmetric, self._config.place)
 
     def _is_confirmed(self, look: Look, memory: TrackerMemory) -> bool:
         """Whether the network, looking there, sees the object as it is registered."""
