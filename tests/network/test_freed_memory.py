@@ -2,7 +2,7 @@
 
 import ctypes
 
-from robust6dof.network.device import keep_freed_memory
+from robust6dof.network.freed_memory import keep_freed_memory
 
 
 def test_other_c_libraries_are_left_as_they_are(monkeypatch):

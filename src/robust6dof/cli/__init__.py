@@ -12,6 +12,8 @@ import os
 import sys
 from collections.abc import Sequence
 
+from robust6dof.network.freed_memory import keep_freed_memory
+
 COMMANDS: dict[str, str] = {
     "demo": "the main job in one go: track an object and guide the aerial manipulator to it",
     "track": "follow an object through an RGB-D recording",
@@ -37,6 +39,7 @@ READER_GONE = 141
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code (0 only on success)."""
+    keep_freed_memory()
     try:
         try:
             return _dispatch(list(sys.argv[1:] if argv is None else argv))

@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from robust6dof.network.augmentation import Augmentation, PriorEncoder
 from robust6dof.network.config import NetworkConfig
-from robust6dof.network.device import keep_freed_memory
 from robust6dof.network.fusion import DenseFusion
 from robust6dof.network.inputs import PriorFeatures, ViewBatch, ViewFeatures, to_camera
 from robust6dof.network.keypoints import (
@@ -38,7 +37,6 @@ class Robust6DofNet(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        keep_freed_memory()
         self.config = config
         self.prior_encoder = PriorEncoder(config)
         self.fusion = DenseFusion(config)
