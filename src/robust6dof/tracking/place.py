@@ -9,6 +9,7 @@ the object may be grows with the time.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -51,40 +52,42 @@ class PlaceConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPlace:
-    """A past frame and where the object was, or should have been, in it."""
+class WholeView:
+    """A frame and the features of its whole image, which are found when they are needed."""
 
     frame: RgbdFrame
+    config: FeatureConfig
+
+    @cached_property
+    def features(self) -> Features:
+        rectangle = (0, 0, self.frame.width, self.frame.height)
+        return detect_features(self.frame, rectangle, self.config)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlace:
+    """A past view and where the object was, or should have been, in it."""
+
+    view: WholeView
     T_cam_obj: Float[np.ndarray, "4 4"]
-    features: Features | None = None
-    """Of the whole image; found when they are needed."""
 
-    def described(self, config: PlaceConfig) -> SeenPlace:
-        """With its features."""
-        if self.features is not None:
-            return self
-        return replace(self, features=_features(self.frame, config))
-
-    def recognised_in(
-        self, frame: RgbdFrame, features: Features, config: PlaceConfig
-    ) -> SeenPlace | None:
-        """`frame`, and where the object should be in it, if it stood still; None where too few of
+    def recognised_in(self, view: WholeView, config: PlaceConfig) -> SeenPlace | None:
+        """`view`, and where the object should be in it, if it stood still; None where too few of
         the features agree."""
-        assert self.features is not None
-        pairs = match(self.features, features, config.features.ratio)
+        past, features = self.view.features, view.features
+        pairs = match(past, features, config.features.ratio)
         if len(pairs) < config.least_inliers:
             return None
         old, new = pairs.T
-        fit = ransac_pnp(
-            self.features.points[old], features.pixels[new].astype(float), frame.K, config.inlier_px
-        )
+        pixels = features.pixels[new].astype(float)
+        fit = ransac_pnp(past.points[old], pixels, view.frame.K, config.inlier_px)
         if fit is None:
             return None
-        moved = transform_points(fit.T_dst_src, self.features.points[old])
+        moved = transform_points(fit.T_dst_src, past.points[old])
         apart = np.linalg.norm(moved - features.points[new], axis=-1)
         if (fit.inliers & (apart < config.inlier_m)).sum() < config.least_inliers:
             return None
-        return SeenPlace(frame, fit.T_dst_src @ self.T_cam_obj, features)
+        return SeenPlace(view, fit.T_dst_src @ self.T_cam_obj)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,30 +119,26 @@ class PlaceMemory:
         """The object is seen in `frame`."""
         keeps_last = self.frames % config.kept_every == 0
         kept = self.seen if keeps_last else self.seen[:-1]
-        seen = (*kept[-config.kept :], SeenPlace(frame, T_cam_obj))
+        seen = (*kept[-config.kept :], SeenPlace(WholeView(frame, config.features), T_cam_obj))
         return PlaceMemory(seen, moving=moving, frames=self.frames + 1)
 
     def after_loss(self, frame: RgbdFrame, seconds: float, config: PlaceConfig) -> PlaceMemory:
         """The object is lost or in doubt, `seconds` after the frame before: follow its place."""
-        features = _features(frame, config)
-        seen = tuple(view.described(config) for view in self.seen)
-        memory = replace(self, seen=seen, seconds=self.seconds + seconds, frames=0, T_cam_obj=None)
-        here = memory._recognised(frame, features, config)
+        memory = replace(self, seconds=self.seconds + seconds, frames=0, T_cam_obj=None)
+        here = self._recognised(WholeView(frame, config.features), config)
         if here is not None:
             return replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
         unknown_s = self.unknown_s + seconds if frame.has_color else np.inf
         return replace(memory, unknown_s=unknown_s)
 
-    def _recognised(
-        self, frame: RgbdFrame, features: Features, config: PlaceConfig
-    ) -> SeenPlace | None:
+    def _recognised(self, view: WholeView, config: PlaceConfig) -> SeenPlace | None:
         """From the frame before, whose drift the last sight mends; else from any sight. A pattern
         that repeats itself looks alike at several places, but not one step from the last."""
         *earlier, last = self.seen
-        followed = self.followed and self.followed.recognised_in(frame, features, config)
-        mended = last.recognised_in(frame, features, config)
+        followed = self.followed and self.followed.recognised_in(view, config)
+        mended = last.recognised_in(view, config)
         if followed is None:
-            sights = (view.recognised_in(frame, features, config) for view in reversed(earlier))
+            sights = (past.recognised_in(view, config) for past in reversed(earlier))
             return mended or next((one for one in sights if one is not None), None)
         if mended is None or _apart(mended, followed) > config.inlier_m:
             return followed
@@ -185,7 +184,3 @@ class PlaceMemory:
 
 def _apart(a: SeenPlace, b: SeenPlace) -> float:
     return float(np.linalg.norm(a.T_cam_obj[:3, 3] - b.T_cam_obj[:3, 3]))
-
-
-def _features(frame: RgbdFrame, config: PlaceConfig) -> Features:
-    return detect_features(frame, (0, 0, frame.width, frame.height), config.features)

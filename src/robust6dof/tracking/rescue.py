@@ -13,7 +13,6 @@ from robust6dof.network.inputs import ViewFeatures
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.joint_pose import solve_joint_pose
 from robust6dof.tracking.look import Look
-from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.recovery import is_same_pose, poses_to_try, seen_poses
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.tracker_config import TrackerConfig
@@ -67,9 +66,8 @@ class Rescue:
         refused registration stays."""
         if surface.confidence < self._config.surface.states.lost:
             return surface
-        before = memory.surface
-        rested = replace(before.memory, motion=Motion.at_rest())
-        return replace(before, confidence=0.0, stamp=surface.stamp, memory=rested)
+        held = memory.surface_at(memory.surface.T_cam_obj)
+        return replace(held, confidence=0.0, stamp=surface.stamp)
 
     def _proposals(
         self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
