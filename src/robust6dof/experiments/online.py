@@ -71,10 +71,10 @@ def calibration(setting: Setting) -> Report:
     lines = []
     for tracker in setting.trackers:
         tracks = _tracks(setting, tracker)
-        right = np.concatenate([FollowedFrames.of(records).right for records in tracks])
-        later = [one for records in tracks for one in records[1:]]
-        confidence = np.array([one.confidence for one in later])
-        claimed = np.array([not one.lost for one in later], bool)
+        followed = [FollowedFrames.of(records) for records in tracks]
+        right = np.concatenate([frames.right for frames in followed])
+        claimed = ~np.concatenate([frames.called_lost for frames in followed])
+        confidence = np.array([one.confidence for records in tracks for one in records[1:]])
         found[tracker] = reliability(confidence[claimed], right[claimed])
         values = {
             "frames": float(len(right)),
