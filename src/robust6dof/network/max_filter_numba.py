@@ -61,16 +61,16 @@ def _as_array(tensor: Tensor) -> np.ndarray:
 
 
 @no_type_check
-def _typelarger(_context: Any, a: Any, _b: Any) -> Any:
+def _type_larger(_context: Any, a: Any, _b: Any) -> Any:
     @no_type_check
     def generate(_ctx: Any, builder: IRBuilder, _signature: Any, args: Any) -> Any:
-        islarger = builder.fcmp_ordered(">", args[0], args[1], flags=["fast"])
-        return builder.select(islarger, args[0], args[1], flags=["fast"])
+        is_larger = builder.fcmp_ordered(">", args[0], args[1], flags=["fast"])
+        return builder.select(is_larger, args[0], args[1], flags=["fast"])
 
     return a(a, a), generate
 
 
-larger: Any = intrinsic(_typelarger)
+larger: Any = intrinsic(_type_larger)
 """max(a, b) as one instruction: numba's own max does not vectorise."""
 
 
