@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from baselines.tabletop_scene import K, look_at_object, make_tabletop
 from robust6dof.frames import RgbdFrame, TrackState
-from robust6dof.geometry.transforms import axis_error, make_transform
+from robust6dof.geometry.transforms import axis_error, make_transform, rotation_error
 from robust6dof.solver.absolute import AbsoluteFit
-from robust6dof.tracking.recovery import RecoveryConfig, is_same_pose, poses_to_try
+from robust6dof.tracking.recovery import RecoveryConfig, is_same_pose, other_turns, poses_to_try
 from robust6dof.tracking.tracker import Tracker
 
 SCENE = make_tabletop("mug", 0)
@@ -43,6 +43,14 @@ def test_objects_with_a_front_are_tried_from_all_sides() -> None:
         for T in turned[:8]
     ]
     np.testing.assert_allclose(sorted(np.round(yaws) % 360), np.arange(0, 360, 45), atol=1e-6)
+
+
+def test_the_other_turns_of_what_was_found_are_about_its_own_axis() -> None:
+    turned = other_turns(SHOT.T_cam_obj, RecoveryConfig(turns=4))
+    apart = [rotation_error(T[:3, :3], SHOT.T_cam_obj[:3, :3]) for T in turned]
+    np.testing.assert_allclose(np.rad2deg(apart), [90.0, 90.0, 180.0])
+    for T in turned:
+        np.testing.assert_allclose(T[:3, [1, 3]], SHOT.T_cam_obj[:3, [1, 3]], atol=1e-12)
 
 
 def test_the_piece_of_the_right_colour_is_tried_first() -> None:

@@ -3,7 +3,8 @@
 While the object is tracked, some frames are kept as they are. Once it is lost, the features of
 these whole images are matched with the new frame's (PnP and RANSAC): the place where it stood is
 followed while the camera looks elsewhere, and recognised when it looks back. How far from there
-the object may be grows with the time.
+the object may be grows with the time; fast if it was moving, or once its place has been in view
+without it.
 """
 
 from __future__ import annotations
@@ -35,18 +36,22 @@ class PlaceConfig:
     """One in so many frames is kept besides the last, …"""
     kept: int = 3
     """… the newest of these."""
+    moved_m: float = 0.04
+    """Over so far among its surroundings, from the oldest sight to the newest, it was moving."""
     reach_m: float = 0.1
     """An object that stood still is looked for within this of its place, …"""
-    speed: float = 0.15
+    speed: float = 0.05
     """… and farther by this as time goes by [m/s]; …"""
     moving_speed: float = 0.5
     """… by this if it was moving."""
-    reach_rad: float = np.deg2rad(30.0)
+    reach_rad: float = np.deg2rad(20.0)
     """It has not turned by more than this, …"""
-    turning: float = np.deg2rad(40.0)
+    turning: float = np.deg2rad(10.0)
     """… and as time goes by this [rad/s]; …"""
     moving_turning: float = np.deg2rad(60.0)
     """… this if it was moving."""
+    looked_s: float = 0.3
+    """After its place was in view for longer and it was not found there, it has been moved."""
     patience_s: float = 0.5
     """Where it is not known for longer, the object is looked for everywhere."""
 
@@ -100,8 +105,13 @@ class PlaceMemory:
     """The newest frame since then whose surroundings were recognised."""
     T_cam_obj: Float[np.ndarray, "4 4"] | None = None
     """Where the lost object should be in the newest frame; None where that is not known."""
+    T_cam_other: Float[np.ndarray, "4 4"] | None = None
+    """Where else: a followed place drifts, and in a pattern that repeats itself places look alike,
+    so a sight of the object may say otherwise."""
     moving: bool = False
     """Whether it moved among its surroundings when it was last seen."""
+    looked_s: float = 0.0
+    """For how long its place has been in view since then."""
     seconds: float = 0.0
     """Since it was last seen."""
     unknown_s: float = 0.0
@@ -124,25 +134,40 @@ class PlaceMemory:
 
     def after_loss(self, frame: RgbdFrame, seconds: float, config: PlaceConfig) -> PlaceMemory:
         """The object is lost or in doubt, `seconds` after the frame before: follow its place."""
-        memory = replace(self, seconds=self.seconds + seconds, frames=0, T_cam_obj=None)
-        here = self._recognised(WholeView(frame, config.features), config)
+        moving = self.moving or (self.frames > 0 and self._has_moved(config))
+        memory = replace(self, seconds=self.seconds + seconds, frames=0, moving=moving)
+        here, other = self._recognised(WholeView(frame, config.features), config)
+        T_cam_other = None if other is None else other.T_cam_obj
         if here is not None:
-            return replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
+            memory = replace(memory, followed=here, T_cam_obj=here.T_cam_obj, unknown_s=0.0)
+            return replace(memory, T_cam_other=T_cam_other)
         unknown_s = self.unknown_s + seconds if frame.has_color else np.inf
-        return replace(memory, unknown_s=unknown_s)
+        return replace(memory, T_cam_obj=None, T_cam_other=None, unknown_s=unknown_s)
 
-    def _recognised(self, view: WholeView, config: PlaceConfig) -> SeenPlace | None:
-        """From the frame before, whose drift the last sight mends; else from any sight. A pattern
-        that repeats itself looks alike at several places, but not one step from the last."""
+    def _has_moved(self, config: PlaceConfig) -> bool:
+        """By the oldest sight whose surroundings the newest shows."""
         *earlier, last = self.seen
+        sights = (past.recognised_in(last.view, config) for past in earlier)
+        stood = next((one for one in sights if one is not None), None)
+        return stood is not None and _apart(stood, last) > config.moved_m
+
+    def _recognised(
+        self, view: WholeView, config: PlaceConfig
+    ) -> tuple[SeenPlace | None, SeenPlace | None]:
+        """From the frame before, whose drift the newest sight that is recognised mends; both where
+        they differ."""
         followed = self.followed and self.followed.recognised_in(view, config)
-        mended = last.recognised_in(view, config)
-        if followed is None:
-            sights = (past.recognised_in(view, config) for past in reversed(earlier))
-            return mended or next((one for one in sights if one is not None), None)
-        if mended is None or _apart(mended, followed) > config.inlier_m:
-            return followed
-        return mended
+        sights = (past.recognised_in(view, config) for past in reversed(self.seen))
+        mended = next((one for one in sights if one is not None), None)
+        if followed is None or mended is None:
+            return followed or mended, None
+        if _apart(mended, followed) > config.inlier_m:
+            return followed, mended
+        return mended, None
+
+    def in_view(self, seconds: float) -> PlaceMemory:
+        """The newest frame shows the place, and `seconds` have gone by since the one before."""
+        return replace(self, looked_s=self.looked_s + seconds)
 
     def surprise(
         self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
@@ -155,13 +180,25 @@ class PlaceMemory:
             symmetric: its turn about y says nothing.
             config: how fast it may have moved.
         """
-        if self.T_cam_obj is None:
-            return 0.0
-        gap = float(np.linalg.norm(T_cam_obj[:3, 3] - self.T_cam_obj[:3, 3]))
-        turn = orientation_error(T_cam_obj[:3, :3], self.T_cam_obj[:3, :3], symmetric)
-        turning = config.moving_turning if self.moving else config.turning
+        places = [T for T in (self.T_cam_obj, self.T_cam_other) if T is not None]
+        surprises = [self._surprise(T_cam_obj, T, symmetric, config) for T in places]
+        return min(surprises, default=0.0)
+
+    def _surprise(
+        self, T_cam_obj: np.ndarray, T_cam_place: np.ndarray, symmetric: bool, config: PlaceConfig
+    ) -> float:
+        gap = float(np.linalg.norm(T_cam_obj[:3, 3] - T_cam_place[:3, 3]))
+        turn = orientation_error(T_cam_obj[:3, :3], T_cam_place[:3, :3], symmetric)
+        turning = config.moving_turning if self._is_free(config) else config.turning
         shares = gap / self._reach(config), turn / (config.reach_rad + turning * self.seconds)
         return float(2.0 * (shares[0] ** 2 + shares[1] ** 2)) if max(shares) < 1.0 else np.inf
+
+    def confirms(
+        self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
+    ) -> bool:
+        """Whether the object stood still and is where it stood."""
+        known = self.T_cam_obj is not None and not self._is_free(config)
+        return known and bool(np.isfinite(self.surprise(T_cam_obj, symmetric, config)))
 
     def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
         """Whether the object may be in view; not while the image is too blurred to say."""
@@ -178,8 +215,12 @@ class PlaceMemory:
 
     def _reach(self, config: PlaceConfig) -> float:
         """How far from its place the object may be [m]."""
-        speed = config.moving_speed if self.moving else config.speed
+        speed = config.moving_speed if self._is_free(config) else config.speed
         return config.reach_m + speed * self.seconds
+
+    def _is_free(self, config: PlaceConfig) -> bool:
+        """Whether it moved, or has been moved: it is not where it stood."""
+        return self.moving or self.looked_s > config.looked_s
 
 
 def _apart(a: SeenPlace, b: SeenPlace) -> float:

@@ -34,6 +34,11 @@ class RecoveryConfig:
     """Diagonal of a piece, which shows one side alone, over that of the object's box."""
     trust: float = 0.75
     """Confidence of the registration from which a thing may be the lost object."""
+    color_gap: float = 0.05
+    """Colours that differ by this share of the range are as unlikely as a confidence that is lower
+    by the factor e."""
+    stays: float = 0.1
+    """What registration holds is left only for what is more likely by this (logarithm)."""
     same_color: float = 0.15
     """A piece whose mean colour differs by this share of the range is as unlikely as one whose
     diagonal differs by the factor e."""
@@ -81,6 +86,14 @@ def poses_to_try(
         make_transform(_upright(T_cam_last[:3, :3], segment, turn), centre)
         for _, segment, centre, turn in sorted(tries, key=lambda one: one[0])
     ]
+
+
+def other_turns(
+    T_cam_obj: Float[np.ndarray, "4 4"], config: RecoveryConfig
+) -> list[Float[np.ndarray, "4 4"]]:
+    """The pose turned about the object's up axis, by little first."""
+    turns = Rotation.from_euler("y", np.array(_turns_deg(config.turns)[1:])[:, None], degrees=True)
+    return [T_cam_obj @ make_transform(R, np.zeros(3)) for R in turns.as_matrix()]
 
 
 def _turns_deg(count: int) -> list[float]:

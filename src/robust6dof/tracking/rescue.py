@@ -13,7 +13,7 @@ from robust6dof.network.inputs import ViewFeatures
 from robust6dof.tracking.encoder import ViewEncoder
 from robust6dof.tracking.joint_pose import solve_joint_pose
 from robust6dof.tracking.look import Look
-from robust6dof.tracking.recovery import is_same_pose, poses_to_try, seen_poses
+from robust6dof.tracking.recovery import is_same_pose, other_turns, poses_to_try, seen_poses
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.tracker_config import TrackerConfig
 from robust6dof.tracking.tracker_memory import TrackerMemory
@@ -51,7 +51,8 @@ class Rescue:
         believed = [one for one in looks if self._is_confirmed(one, memory)]
         if not lost:
             return max([*believed, look], key=lambda one: one.surface.confidence)
-        beliefs = [self._belief(one.surface, memory) for one in believed]
+        stays = [self._config.recovery.stays if one is look else 0.0 for one in believed]
+        beliefs = [self._belief(one.surface, memory) for one in believed] + np.array(stays)
         if not np.isfinite(beliefs).any():
             return Look(self._held(look.surface, memory), None)
         best = believed[int(np.argmax(beliefs))]
@@ -78,26 +79,43 @@ class Rescue:
         proposals = []
         if look.sight is not None:
             proposals.append(self._matched(frame, T_cam_pred, look.sight.features, memory))
+        if lost:
+            proposals += self._places(memory)
         if lost and memory.place.worth_a_search(frame, self._config.place):
-            proposals += self._found_in_image(frame, memory)
+            proposals += self._found_in_image(frame, look, memory)
         return proposals
 
+    def _places(self, memory: TrackerMemory) -> list[Float[np.ndarray, "4 4"]]:
+        """Where the object should be, but for where the registration begins anyway."""
+        known = [memory.place.T_cam_obj, memory.place.T_cam_other]
+        return [
+            memory.T_cam_obj(memory.surface_at(T))
+            for T in known
+            if T is not None and T is not memory.surface.T_cam_obj
+        ]
+
     def _found_in_image(
-        self, frame: RgbdFrame, memory: TrackerMemory
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory
     ) -> list[Float[np.ndarray, "4 4"]]:
-        """What the network sees of all that could be the object."""
-        scale, config = memory.canonical.scale, self._config
+        """What the network sees of all that could be the object; once something is found, of its
+        other turns first."""
+        found, config = memory.count.good, self._config.recovery
+        guesses = self._guesses(frame, memory)
+        if found and not self._encoder.symmetric:
+            guesses = other_turns(memory.T_cam_obj(look.surface), config) + guesses
+        number = found - 1 if found else memory.frames
+        return seen_poses(self._encoder, frame, guesses, memory.extents, number, config)
+
+    def _guesses(self, frame: RgbdFrame, memory: TrackerMemory) -> list[Float[np.ndarray, "4 4"]]:
+        """Its place, if that is known, and what may be the object within its reach."""
+        scale, config = memory.canonical.scale, self._config.recovery
         color = memory.surface.memory.surface.mean_color
-        T_cam_last = memory.T_cam_obj(memory.surface)
-        guesses = poses_to_try(
-            frame, T_cam_last, scale, color, self._encoder.symmetric, config.recovery
-        )
+        T_cam_place = memory.place.T_cam_obj
+        at = memory.surface if T_cam_place is None else memory.surface_at(T_cam_place)
+        T_cam_last = memory.T_cam_obj(at)
+        guesses = poses_to_try(frame, T_cam_last, scale, color, self._encoder.symmetric, config)
         guesses = [T for T in guesses if np.isfinite(self._surprise(memory.T_cam_model(T), memory))]
-        if memory.place.T_cam_obj is not None:
-            guesses.insert(0, T_cam_last)
-        return seen_poses(
-            self._encoder, frame, guesses, memory.extents, memory.frames, config.recovery
-        )
+        return guesses if T_cam_place is None else [T_cam_last, *guesses]
 
     @torch.inference_mode()
     def _matched(
@@ -129,8 +147,10 @@ class Rescue:
         return self._surface.step(at_rest, frame, learn=False)
 
     def _belief(self, surface: Track, memory: TrackerMemory) -> float:
-        """Log likelihood of this being the lost object: it fits, and is not far from its place."""
-        fits = float(np.log(max(surface.confidence, 1e-6)))
+        """Log likelihood of this being the lost object: it fits, in shape and colour, and is not
+        far from its place."""
+        gap = surface.memory.quality.color_gap / self._config.recovery.color_gap
+        fits = float(np.log(max(surface.confidence, 1e-6))) - gap
         return fits - self._surprise(surface.T_cam_obj, memory)
 
     def _surprise(self, T_cam_model: np.ndarray, memory: TrackerMemory) -> float:

@@ -2,7 +2,8 @@
 
 TRACKING → UNCERTAIN when the confidence falls below `sure`, and back after `patience` frames at
 or above it; either → LOST after `patience` frames below `lost`; LOST → RECOVERING on the first
-frame at or above `sure`; RECOVERING → TRACKING after `patience` such frames, back to LOST on one
+frame at or above `sure`; RECOVERING → TRACKING after `patience` such frames, or after
+`unplaced_patience` where nothing but the object says that it is the right one; back to LOST on one
 that is not.
 """
 
@@ -21,6 +22,8 @@ class StateRules:
     lost: float = 0.2
     patience: int = 3
     """Frames in a row."""
+    unplaced_patience: int = 10
+    """Of an object found again elsewhere than where it stood, or where the place is not known."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,22 @@ class StateCount:
         return StateCount(good, bad)
 
 
-def next_state(state: TrackState, count: StateCount, rules: StateRules) -> TrackState:
-    """The state after a frame, whose confidence `count` already holds."""
+def next_state(
+    state: TrackState, count: StateCount, rules: StateRules, placed: bool = True
+) -> TrackState:
+    """The state after a frame, whose confidence `count` already holds.
+
+    Args:
+        state: before.
+        count: with the frame.
+        rules: thresholds.
+        placed: what is found again stands where the lost object stood.
+    """
     if state in (TrackState.LOST, TrackState.RECOVERING):
         if not count.good:
             return TrackState.LOST
-        return TrackState.TRACKING if count.good >= rules.patience else TrackState.RECOVERING
+        enough = rules.patience if placed else rules.unplaced_patience
+        return TrackState.TRACKING if count.good >= enough else TrackState.RECOVERING
     if count.bad >= rules.patience:
         return TrackState.LOST
     enough = rules.patience if state is TrackState.UNCERTAIN else 1

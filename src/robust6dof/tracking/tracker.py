@@ -181,6 +181,8 @@ class Tracker:
         self, track: Track, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
     ) -> Track:
         """The registration's track after the network's look at the frame."""
+        recovers = track.state is TrackState.RECOVERING
+        lost = lost or (recovers and not self._placed(look.surface, memory))
         if lost or look.surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, lost)
         memory = replace(memory, surface=look.surface, evidence=None)
@@ -233,7 +235,8 @@ class Tracker:
             view = Keyframe(features, T_cam_obj, confidence)
             views = memory.views.with_view(view) if count.good else memory.views
             memory = replace(memory, last=view, views=views)
-        state = next_state(track.state, count, self.config.states)
+        placed = self._placed(memory.surface, memory)
+        state = next_state(track.state, count, self.config.states, placed)
         if state is TrackState.TRACKING:
             memory = replace(memory, place=self._place_seen(frame, memory))
         return replace(
@@ -244,6 +247,14 @@ class Tracker:
             state=state,
             stamp=frame.stamp,
             memory=memory,
+        )
+
+    def _placed(self, surface: Track, memory: TrackerMemory) -> bool:
+        """Whether the object is where it stood when it was lost; if not, what was found may still
+        turn out to be something else."""
+        symmetric, config = self._encoder.symmetric, self.config
+        return not config.recover or memory.place.confirms(
+            surface.T_cam_obj, symmetric, config.place
         )
 
     def _place_seen(self, frame: RgbdFrame, memory: TrackerMemory) -> PlaceMemory:

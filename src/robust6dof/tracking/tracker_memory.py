@@ -14,6 +14,10 @@ from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion
 from robust6dof.tracking.place import PlaceConfig, PlaceMemory
 from robust6dof.tracking.states import StateCount
+from robust6dof.tracking.surface.icp_memory import assess_surface
+
+_IN_VIEW, _HIDDEN = 0.7, 0.5
+"""Shares of the object's surface in the image and behind something else: its place is in view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +58,13 @@ class TrackerMemory:
     ) -> TrackerMemory:
         """The object is in doubt; where it is lost, it stays in its place, if that is known."""
         place = self.place.after_loss(frame, seconds, config)
-        memory = replace(self, place=place)
         if not lost or place.T_cam_obj is None:
-            return memory
-        return replace(memory, surface=self.surface_at(place.T_cam_obj))
+            return replace(self, place=place)
+        surface = self.surface_at(place.T_cam_obj)
+        seen, _ = assess_surface(frame, place.T_cam_obj, surface.memory.surface)
+        if seen.in_image > _IN_VIEW and seen.occluded < _HIDDEN:
+            place = place.in_view(seconds)
+        return replace(self, place=place, surface=surface)
 
     def surface_at(self, T_cam_model: Float[np.ndarray, "4 4"]) -> Track:
         """The registration's track with its surface here and at rest."""
