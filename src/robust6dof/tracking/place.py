@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -36,8 +37,8 @@ class PlaceConfig:
     """One in so many frames is kept besides the last, …"""
     kept: int = 3
     """… the newest of these."""
-    moved_m: float = 0.04
-    """Over so far among its surroundings, from the oldest sight to the newest, it was moving."""
+    moved_m: float = 0.03
+    """An object that came so far among its surroundings between two sights was moving."""
     reach_m: float = 0.1
     """An object that stood still is looked for within this of its place, …"""
     speed: float = 0.05
@@ -145,11 +146,14 @@ class PlaceMemory:
         return replace(memory, T_cam_obj=None, T_cam_other=None, unknown_s=unknown_s)
 
     def _has_moved(self, config: PlaceConfig) -> bool:
-        """By the oldest sight whose surroundings the newest shows."""
-        *earlier, last = self.seen
-        sights = (past.recognised_in(last.view, config) for past in earlier)
-        stood = next((one for one in sights if one is not None), None)
-        return stood is not None and _apart(stood, last) > config.moved_m
+        """By the two sights farthest apart of which one shows what stood around the object in the
+        other: the last ones may be blurred."""
+        pairs = combinations(range(len(self.seen)), 2)
+        for old, new in sorted(pairs, key=lambda pair: pair[0] - pair[1]):
+            stood = self.seen[old].recognised_in(self.seen[new].view, config)
+            if stood is not None:
+                return _apart(stood, self.seen[new]) > config.moved_m
+        return False
 
     def _recognised(
         self, view: WholeView, config: PlaceConfig
