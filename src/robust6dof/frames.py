@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 from robust6dof.errors import InputError
 from robust6dof.geometry.camera import check_intrinsics
+from robust6dof.geometry.transforms import check_rotation
 
 CATEGORIES = ("bottle", "bowl", "camera", "can", "laptop", "mug")
 """The six categories of the paper, in the order of the NOCS class ids 1 to 6."""
@@ -49,7 +50,8 @@ class RgbdFrame:
     """One registered RGB-D image.
 
     Raises:
-        InputError: arrays of different sizes, or intrinsics that do not fit them.
+        InputError: arrays of different sizes, intrinsics that do not fit them, or an orientation
+            that is no rotation.
     """
 
     rgb: UInt8[np.ndarray, "H W 3"]
@@ -64,6 +66,9 @@ class RgbdFrame:
     """The recording's own name of the frame (file stem)."""
     has_color: bool = True
     """False where `rgb` carries nothing, so that only depth may be used."""
+    R_ref_cam: Float[np.ndarray, "3 3"] | None = None
+    """Orientation of the camera in any frame that stands still, by a gyro (see `geometry.gyro`) or
+    an attitude estimate; where given, trackers use its turn from frame to frame."""
 
     def __post_init__(self) -> None:
         if self.rgb.shape[:2] != self.depth.shape:
@@ -72,6 +77,8 @@ class RgbdFrame:
                 f"{self.depth.shape[1]}×{self.depth.shape[0]}; register the depth first"
             )
         object.__setattr__(self, "K", check_intrinsics(self.K, self.width, self.height))
+        if self.R_ref_cam is not None:
+            object.__setattr__(self, "R_ref_cam", check_rotation(self.R_ref_cam, "R_ref_cam"))
 
     @property
     def height(self) -> int:

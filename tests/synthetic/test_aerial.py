@@ -1,5 +1,6 @@
 """Recordings are the same from the same seed however they are made, and their truth is true."""
 
+import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,27 @@ def test_two_shards_equal_one_run_and_whole_recordings_are_kept(tmp_path: Path) 
     assert (folder / "cam_K.txt").stat().st_mtime_ns == before
     (folder / "plan.json").unlink()
     assert made(tmp_path / "one") == whole, "a torn recording is made again"
+
+
+def test_a_gyro_is_added_and_nothing_else_changes(tmp_path: Path) -> None:
+    bare = made(tmp_path / "bare")
+    whole = made(tmp_path / "whole", gyro=True)
+    assert made(tmp_path / "bare", gyro=True) == whole, "a kept recording gets one, too"
+    assert all(recording.pop("gyro.csv") for recording in whole)
+    assert whole == bare
+
+
+def test_the_gyro_measures_the_true_turn_with_noise_and_bias(tmp_path: Path) -> None:
+    (plan,) = plan_aerial(0, 1, 3, difficulties=("harsh",), categories=("can",))
+    folder = synthesize(plan, tmp_path, gyro=True)
+    stamp, *rate = np.loadtxt(folder / "gyro.csv", delimiter=",", skiprows=1).T
+    motions = [json.loads(line) for line in (folder / "camera_motion.jsonl").open()]
+    true = np.array([motion["camera_twist"][3:] for motion in motions])
+    times = [frame.stamp or 0.0 for frame in read_video(folder)]
+    measured = np.stack([np.interp(times, stamp, axis) for axis in rate], axis=-1)
+    off_deg = np.degrees(np.abs(measured - true))
+    assert 0.05 < off_deg.max() < 5.0
+    assert all(frame.R_ref_cam is not None for frame in read_video(folder))
 
 
 def test_the_first_recordings_of_a_longer_plan_are_the_same() -> None:

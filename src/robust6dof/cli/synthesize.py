@@ -40,6 +40,8 @@ class Options(CommonOptions):
     """Number of the first recording to make, to share them out over machines or jobs."""
     last: int | None = None
     """Number of the last one to make."""
+    gyro: bool = False
+    """Write what the camera's gyro measures, too (`gyro.csv`); trackers use it where it is."""
     processes: int = 1
     """Recordings made at the same time."""
 
@@ -55,7 +57,12 @@ def run(options: Options) -> None:
     last = len(plans) - 1 if options.last is None else options.last
     mine = plans[options.first : last + 1]
     options.out.mkdir(parents=True, exist_ok=True)
-    make_all(partial(synthesize, out=options.out), mine, options.processes, "recordings")
+    make_all(
+        partial(synthesize, out=options.out, gyro=options.gyro),
+        mine,
+        options.processes,
+        "recordings",
+    )
     print(f"{len(mine)} recordings: {options.out}")
 
 

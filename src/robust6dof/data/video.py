@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Float32
 
 from robust6dof.data.calibration import Calibration, fit_intrinsics, read_calibration
 from robust6dof.data.depth_unit import MILLIMETRE, check_depth_unit, depth_to_metres
+from robust6dof.data.gyro import frame_orientations
 from robust6dof.data.image_files import (
     image_size,
     read_color,
@@ -41,6 +42,8 @@ class Video:
     """What one step of the depth images is worth [m]."""
     depth_only: bool = False
     """Frames are those of the depth camera and carry no colour."""
+    orientations: tuple[Float[np.ndarray, "3 3"] | None, ...] = ()
+    """`R_ref_cam` of each frame's colour camera by the recording's gyro; empty without one."""
 
     def __len__(self) -> int:
         return len(self.files)
@@ -56,8 +59,13 @@ class Video:
             DataError: a file that is missing, truncated, or does not fit the others.
         """
         if isinstance(index, slice):
-            return replace(self, files=self.files[index], stamps=self.stamps[index])
-        return self._read(self.files[index], self.stamps[index])
+            return replace(
+                self,
+                files=self.files[index],
+                stamps=self.stamps[index],
+                orientations=self.orientations[index],
+            )
+        return self._read(self.files[index], self.stamps[index], self._orientation(index))
 
     def __iter__(self) -> Iterator[RgbdFrame]:
         return (self[index] for index in range(len(self)))
@@ -116,13 +124,22 @@ class Video:
             return None
         return read_transform(path)
 
-    def _read(self, files: FrameFiles, stamp: float | None) -> RgbdFrame:
+    def _orientation(self, index: int) -> Float[np.ndarray, "3 3"] | None:
+        R_ref_color = self.orientations[index] if self.orientations else None
+        T_color_depth = self.calibration.T_color_depth
+        if R_ref_color is None or T_color_depth is None or not self.depth_only:
+            return R_ref_color
+        return R_ref_color @ T_color_depth[:3, :3]
+
+    def _read(
+        self, files: FrameFiles, stamp: float | None, R_ref_cam: np.ndarray | None
+    ) -> RgbdFrame:
         depth = depth_to_metres(read_depth(files.depth), self.depth_unit_m)
         if self.depth_only or files.color is None:
             rgb, depth, K = self._read_depth_frame(depth, files)
         else:
             rgb, depth, K = self._read_color_frame(read_color(files.color), depth, files)
-        return RgbdFrame(rgb, depth, K, stamp, files.name, not self.depth_only)
+        return RgbdFrame(rgb, depth, K, stamp, files.name, not self.depth_only, R_ref_cam)
 
     def _read_depth_frame(
         self, depth: Float32[np.ndarray, "H W"], files: FrameFiles
@@ -215,6 +232,9 @@ def read_video(
     Depth is taken as registered to the colour unless a depth camera is given. Equal image sizes
     do not prove that it is (raw Kinect recordings, 7-Scenes): pass `depth_only=True` for those.
 
+    A gyro's `gyro.csv` (stamp,wx,wy,wz in s and rad/s, see `robust6dof.data.gyro`) tells how the
+    camera turned, and so where to look in the next frame.
+
     Args:
         path: the folder.
         fps: frame rate [Hz] for time stamps; goes before the folder's `stamps.txt` (seconds,
@@ -229,19 +249,22 @@ def read_video(
 
     Raises:
         DataError: an unknown layout, no frames, files that are missing, truncated or do not fit
-            each other, intrinsics of another image size, an implausible depth unit.
+            each other, intrinsics of another image size, an implausible depth unit, an unusable
+            gyro.
         InputError: an unusable option.
     """
     path = Path(path)
     recording = find_recording(path, depth_only)
+    stamps = frame_stamps(path, [files.name for files in recording.frames], fps)
     video = Video(
         path,
         recording.layout,
         recording.frames,
-        frame_stamps(path, [files.name for files in recording.frames], fps),
+        stamps,
         read_calibration(path, recording.intrinsics, K_depth, T_color_depth, dist_coeffs),
         MILLIMETRE if depth_unit_m is None else depth_unit_m,
         depth_only,
+        frame_orientations(path, stamps),
     )
     video[0]
     if depth_unit_m is None:

@@ -101,13 +101,27 @@ def check_transform(T_dst_src: np.ndarray, name: str = "transform") -> Float[np.
         raise InputError(f"{name} contains NaN or infinity")
     if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-6):
         raise InputError(f"{name}: the last row must be 0 0 0 1, got {T[3].tolist()}")
-    determinant = np.linalg.det(T[:3, :3])
-    if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or determinant < 0:
-        raise InputError(
-            f"{name}: the 3×3 block is not a rotation (determinant {determinant:.4g}); "
-            "divide a scaled NOCS matrix by its scale first"
-        )
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    T[:3, :3] = U @ Vt
+    T[:3, :3] = check_rotation(T[:3, :3], f"{name}: the 3×3 block")
     T[3] = [0, 0, 0, 1]
     return T
+
+
+def check_rotation(R_dst_src: np.ndarray, name: str = "rotation") -> Float[np.ndarray, "3 3"]:
+    """Return a clean float64 copy of a rotation matrix.
+
+    Raises:
+        InputError: not 3×3, not finite, scaled, mirrored or sheared.
+    """
+    R = np.array(R_dst_src, dtype=np.float64)
+    if R.shape != (3, 3):
+        raise InputError(f"{name} must be a 3×3 matrix, got shape {R.shape}")
+    if not np.isfinite(R).all():
+        raise InputError(f"{name} contains NaN or infinity")
+    determinant = np.linalg.det(R)
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or determinant < 0:
+        raise InputError(
+            f"{name} is not a rotation (determinant {determinant:.4g}); "
+            "divide a scaled matrix, such as NOCS' own, by its scale first"
+        )
+    U, _, Vt = np.linalg.svd(R)
+    return U @ Vt

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from robust6dof.data.gyro import GYRO_FILE, write_gyro
 from robust6dof.data.sequence_writer import SequenceWriter
 from robust6dof.data.truth_file import FILE_NAME, AnnotatedTruth, write_truth_file
 from robust6dof.frames import RgbdFrame
 from robust6dof.shapes.loading import load_object
 from robust6dof.shapes.mesh import ObjectModel
 from robust6dof.shapes.procedural import make_object
+from robust6dof.synthetic.gyro import measure_turning
 from robust6dof.synthetic.plans import VERSION, SequencePlan
 from robust6dof.synthetic.sequence import FrameTruth, SyntheticSequence
 from robust6dof.synthetic.whole_recording import is_made, making
@@ -20,16 +22,30 @@ MOTION_FILE = "camera_motion.jsonl"
 relative to the target, and the exposure [s]."""
 
 
-def synthesize(plan: SequencePlan, out: Path) -> Path:
+def synthesize(plan: SequencePlan, out: Path, gyro: bool = False) -> Path:
     """Write one recording in the layout of `read_video`, with `ground_truth.jsonl`.
 
     A whole one of the same plan that is there already is kept; a torn one is made again.
+
+    Args:
+        plan: what to make.
+        out: where its folder goes.
+        gyro: add `gyro.csv`, also to a recording that is kept; nothing else changes.
     """
     folder = out / plan.name
-    if is_done(plan, folder):
-        return folder
+    if not is_done(plan, folder):
+        _record(_sequence(plan), plan, folder)
+    if gyro and not (folder / GYRO_FILE).is_file():
+        write_gyro(folder, *measure_turning(_sequence(plan)))
+    return folder
+
+
+def _sequence(plan: SequencePlan) -> SyntheticSequence:
     target, alike = _objects(plan)
-    sequence = SyntheticSequence.draw(target, plan.difficulty, plan.seed, plan.frames, alike=alike)
+    return SyntheticSequence.draw(target, plan.difficulty, plan.seed, plan.frames, alike=alike)
+
+
+def _record(sequence: SyntheticSequence, plan: SequencePlan, folder: Path) -> None:
     with making(folder, _plan_text(plan)) as place:
         writer = SequenceWriter(place)
         truths, motions = [], []
@@ -40,7 +56,6 @@ def synthesize(plan: SequencePlan, out: Path) -> Path:
             motions.append(_motion(frame, truth, sequence.exposure_s))
         write_truth_file(place / FILE_NAME, truths)
         (place / MOTION_FILE).write_text("".join(json.dumps(m) + "\n" for m in motions))
-    return folder
 
 
 def is_done(plan: SequencePlan, folder: Path) -> bool:

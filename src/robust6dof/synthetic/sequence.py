@@ -98,7 +98,7 @@ class SyntheticSequence:
     def frame(self, index: int) -> tuple[RgbdFrame, FrameTruth]:
         """Render, measure and annotate one frame."""
         t = self.stamps[index]
-        camera = color_camera(self._T_world_cam(t))
+        camera = color_camera(self.T_world_cam(t))
         T_cam_obj = invert_transform(camera.T_world_cam) @ self.world.T_world_obj(t)
         distance = float(T_cam_obj[2, 3])
         bar = next((bar for bar in self.occluders if bar.event.start < t < bar.event.end), None)
@@ -123,17 +123,18 @@ class SyntheticSequence:
         )
         return frame, self._truth(rendering, camera, T_cam_obj, (twist, target_twist))
 
-    def _T_world_cam(self, t: float) -> Float[np.ndarray, "4 4"]:
+    def T_world_cam(self, t: float) -> Float[np.ndarray, "4 4"]:
+        """Where the camera is at time `t` [s]."""
         return self.motion.T_world_cam(t, self.world.T_world_obj(t)[:3, 3])
 
     def _twists(self, t: float) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
         """The camera's velocity, in the world and relative to what moves with the target."""
-        twist = twist_along(self._T_world_cam, t)
+        twist = twist_along(self.T_world_cam, t)
         if not self.world.moves:
             return twist, twist
 
         def T_carrier_cam(t: float) -> Float[np.ndarray, "4 4"]:
-            return invert_transform(self.world.T_world_carrier(t)) @ self._T_world_cam(t)
+            return invert_transform(self.world.T_world_carrier(t)) @ self.T_world_cam(t)
 
         return twist, twist_along(T_carrier_cam, t)
 

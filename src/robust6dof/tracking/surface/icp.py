@@ -111,10 +111,11 @@ class IcpTracker:
         seconds = seconds_between(track.stamp, frame.stamp)
         memory: IcpMemory = track.memory
         prior = self._prior(memory, seconds)
-        T_predicted = memory.motion.predict(track.T_cam_obj, seconds)
+        T_predicted = memory.motion.predict(track.T_cam_obj, seconds, frame.R_ref_cam)
         fit = self._fit(frame, T_predicted, prior, track)
         if fit.quality.confidence < self.config.states.sure:
-            again = self._fit(frame, track.T_cam_obj, prior, track, carefully=True)
+            T_held = memory.motion.held(track.T_cam_obj, frame.R_ref_cam)
+            again = self._fit(frame, T_held, prior, track, carefully=True)
             fit = max(fit, again, key=lambda one: one.quality.confidence)
         count = memory.count.after(fit.quality.confidence, self.config.states)
         memory = replace(memory, frames=memory.frames + 1, count=count, quality=fit.quality)
@@ -123,9 +124,11 @@ class IcpTracker:
         memory = memory.on_probation(lost, confidence, self.config)
         if confidence < self.config.states.lost:
             T_held = self._carried(frame, T_predicted, prior, track)
-            memory = replace(memory, motion=Motion.at_rest())
+            memory = replace(memory, motion=memory.motion.stopped(frame.R_ref_cam))
             return _updated(track, frame, _Fit(T_held, fit.quality), state, memory)
-        newest = Motion.between(track.T_cam_obj, fit.T_cam_obj, seconds).turning(fit.seen_rotation)
+        T_old, T_new = track.T_cam_obj, fit.T_cam_obj
+        newest = memory.motion.observed(T_old, T_new, seconds, frame.R_ref_cam)
+        newest = newest.turning(fit.seen_rotation)
         memory = replace(memory, motion=memory.motion.blended(newest, 0.5))
         memory = memory.watching_own_motion(fit.left, self.config)
         track = _updated(track, frame, fit, state, memory)
@@ -149,7 +152,7 @@ class IcpTracker:
             target=RegistrationTarget.build(surface.cloud),
             plane=plane,
             keyframes=view_of(T_cam_obj)[None],
-            motion=Motion.at_rest(),
+            motion=Motion.at_rest(frame.R_ref_cam),
             surroundings=Surroundings.seen_in(frame, T_cam_obj, extents, self.config.surroundings),
         )
 
@@ -225,12 +228,13 @@ class IcpTracker:
     def _carried(
         self, frame: RgbdFrame, T_predicted: np.ndarray, prior: np.ndarray, track: Track
     ) -> Float[np.ndarray, "4 4"]:
-        """Where the surroundings alone put the object, while it is hidden; else where it was."""
+        """Where the surroundings alone put the object, while it is hidden; else where it was, for
+        all that is known of the camera."""
         noise = float(depth_noise(T_predicted[2, 3]))
         around = self._around(frame, T_predicted, noise, track)
         fit = register(around, self._stages(track.scale, noise), prior) if around else None
         if fit is None or fit.shares[0] < self.config.least_surroundings:
-            return track.T_cam_obj
+            return track.memory.motion.held(track.T_cam_obj, frame.R_ref_cam)
         return check_transform(T_predicted @ invert_transform(fit.T_target_source))
 
     def _stages(self, scale: float, noise: float) -> list[Stage]:
