@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,17 @@ def test_ones_own_arm_is_read_from_either_format(tmp_path: Path):
         np.testing.assert_allclose(robot.T_body_cam(joints), ROBOT.T_body_cam(joints), atol=1e-6)
     with pytest.raises(DataError, match="URDF or MJCF"):
         read_aerial_manipulator(_write(tmp_path, "no XML"))
+
+
+@pytest.mark.parametrize("text", [URDF, DEFAULT_ARM.read_text()], ids=["URDF", "MJCF"])
+def test_ones_own_arm_is_parsed_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    parse, parsed = ET.parse, []
+    monkeypatch.setattr(ET, "parse", lambda path: parsed.append(path) or parse(path))
+    path = _write(tmp_path, text)
+    read_aerial_manipulator(path)
+    assert parsed == [path]
 
 
 def test_masses_match_mujoco_and_pinocchio(tmp_path: Path):

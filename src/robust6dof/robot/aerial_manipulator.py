@@ -99,8 +99,10 @@ def read_aerial_manipulator(path: str | Path) -> AerialManipulator:
         DataError: neither format, or outside the subset that `read_urdf_arm` and `read_mjcf_arm`
             read.
     """
-    root = read_xml_root(Path(path), "the arm as URDF or MJCF")
-    return _mounted(read_urdf_arm(path) if root.tag == "robot" else read_mjcf_arm(path))
+    path = Path(path)
+    root = read_xml_root(path, "the arm as URDF or MJCF")
+    read = read_urdf_arm if root.tag == "robot" else read_mjcf_arm
+    return _mounted(read(path, root=root))
 
 
 def _mounted(arm: Arm, R_body_base: Float[np.ndarray, "3 3"] | None = None) -> AerialManipulator:

@@ -27,6 +27,7 @@ from robust6dof.robot.xml_root import read_xml_root
 def read_mjcf_arm(
     path: str | Path,
     *,
+    root: ET.Element | None = None,
     camera: str = "camera",
     tip: str | None = None,
     T_tip_cam: Float[np.ndarray, "4 4"] | None = None,
@@ -37,6 +38,7 @@ def read_mjcf_arm(
 
     Args:
         path: the MJCF file.
+        root: the file's root, where it is parsed already.
         camera: name of the site that stands for the camera.
         tip, T_tip_cam: instead of a site, the body that carries the camera and where on it.
         rest: the posture to rest in [rad]; else keyframe `home`, else the middle of the ranges.
@@ -45,7 +47,9 @@ def read_mjcf_arm(
     Raises:
         DataError: unreadable XML, no such site or body, an unlimited or non-hinge joint.
     """
-    model = _Model.read(Path(path))
+    path = Path(path)
+    root = read_xml_root(path, "an MJCF file") if root is None else root
+    model = _Model.of(root, path)
     chain = model.chain_to(camera, tip)
     if T_tip_cam is None:
         T_tip_cam = model.site_frame(chain[-1], camera)
@@ -74,8 +78,7 @@ class _Model:
     parents: dict[ET.Element, ET.Element]
 
     @classmethod
-    def read(cls, path: Path) -> _Model:
-        root = read_xml_root(path, "an MJCF file")
+    def of(cls, root: ET.Element, path: Path) -> _Model:
         if root.tag != "mujoco":
             raise DataError(path, f"the root is <{root.tag}>", "Give an MJCF file (<mujoco>)")
         return cls(path, root, {child: parent for parent in root.iter() for child in parent})

@@ -24,6 +24,7 @@ from robust6dof.robot.xml_root import read_xml_root
 def read_urdf_arm(
     path: str | Path,
     *,
+    root: ET.Element | None = None,
     camera: str = "camera_optical_frame",
     rest: Float[np.ndarray, "N"] | None = None,
 ) -> Arm:
@@ -31,6 +32,7 @@ def read_urdf_arm(
 
     Args:
         path: the URDF file (not xacro).
+        root: the file's root, where it is parsed already.
         camera: the link whose frame is the camera's, OpenCV axes.
         rest: the posture to rest in [rad]; else the middle of the ranges.
 
@@ -39,7 +41,7 @@ def read_urdf_arm(
             no limits.
     """
     path = Path(path)
-    root = read_xml_root(path, "a URDF file")
+    root = read_xml_root(path, "a URDF file") if root is None else root
     links = {link.get("name", ""): link for link in root.findall("link")}
     if root.tag != "robot" or camera not in links:
         raise DataError(path, f"no link '{camera}'", f"It has {', '.join(links) or 'no links'}")
