@@ -3,7 +3,18 @@
 import numpy as np
 
 from robust6dof.geometry.camera import project
-from robust6dof.visualization.overlay import colorize_depth, draw_box_and_axes, draw_label
+from robust6dof.geometry.transforms import (
+    invert_transform,
+    make_transform,
+    rotation_about_y,
+    transform_points,
+)
+from robust6dof.visualization.overlay import (
+    axis_segments,
+    colorize_depth,
+    draw_box_and_axes,
+    draw_label,
+)
 
 K = np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]])
 BLACK = np.zeros((240, 320, 3), np.uint8)
@@ -33,6 +44,14 @@ def test_behind_the_camera_and_nan_draw_nothing() -> None:
 def test_a_box_around_the_camera_is_cut_at_the_near_plane() -> None:
     drawn = draw_box_and_axes(BLACK, K, at(0, 0, 0), np.array([0.5, 0.5, 4.0]), axes=False)
     assert drawn.any()
+
+
+def test_axes_leave_the_box_and_no_short_side_hides_its_own() -> None:
+    T_cam_obj = make_transform(rotation_about_y(0.4), np.array([0.1, 0.2, 0.9]))
+    starts, tips = np.swapaxes(axis_segments(T_cam_obj, np.array([0.1, 0.2, 0.001])), 0, 1)
+    np.testing.assert_allclose(starts, np.tile(T_cam_obj[:3, 3], (3, 1)))
+    tips_obj = transform_points(invert_transform(T_cam_obj), tips)
+    np.testing.assert_allclose(tips_obj, np.diag([0.075, 0.15, 0.045]), atol=1e-12)
 
 
 def test_label_darkens_only_its_own_corner() -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from robust6dof.errors import MissingExtraError
 from robust6dof.frames import TrackState
 from robust6dof.geometry.boxes import box_corners
-from robust6dof.visualization.overlay import AXIS_COLORS, BOX_EDGES, YELLOW
+from robust6dof.visualization.overlay import AXIS_COLORS, BOX_EDGES, YELLOW, axis_segments
 from robust6dof.visualization.track_view import (
     KEYPOINT_COLOR,
     STATE_COLORS,
@@ -106,11 +106,9 @@ class LiveView:
         corners = box_corners(track.T_cam_obj, track.extents)
         edges = np.array([corners[list(edge)] for edge in BOX_EDGES])
         scene.add_line_segments("/box", edges, YELLOW, thickness=0.0015)
-        centre, lengths = track.T_cam_obj[:3, 3], 0.75 * track.extents
-        tips = (track.T_cam_obj[:3, :3] * lengths).T + centre
-        lines = np.stack([np.broadcast_to(centre, (3, 3)), tips], axis=1)
+        axes = axis_segments(track.T_cam_obj, track.extents)
         colors = np.repeat(np.array(AXIS_COLORS)[:, None], 2, axis=1)
-        scene.add_line_segments("/axes", lines, colors, thickness=0.003)
+        scene.add_line_segments("/axes", axes, colors, thickness=0.003)
 
     def _look_at_object(self, view: TrackView) -> None:
         """The first camera of every visitor: from behind the real one and a little above."""

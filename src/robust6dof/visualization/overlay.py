@@ -9,6 +9,7 @@ from jaxtyping import Float, UInt8
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.boxes import box_corners
 from robust6dof.geometry.camera import project
+from robust6dof.geometry.transforms import transform_points
 
 YELLOW = (255, 210, 40)
 """Predictions, as in the paper's figures (RGB)."""
@@ -72,11 +73,20 @@ def axis_lines(
     T_cam_obj: Float[np.ndarray, "4 4"],
     extents: Float[np.ndarray, "3"],
 ) -> list[Segment | None]:
-    """The object's x, y and z axis in the image, a little longer than to the box's faces."""
-    centre = T_cam_obj[:3, 3]
+    """The axes of `axis_segments` in the image; None for one behind the camera or not finite."""
+    return [_project_segment(K, *ends) for ends in axis_segments(T_cam_obj, extents)]
+
+
+def axis_segments(
+    T_cam_obj: Float[np.ndarray, "4 4"], extents: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3 2 3"]:
+    """Both ends of the object's x, y and z axis: from its centre to a little beyond its box.
+
+    Those of a flat object reach farther, or its short axis would hardly show.
+    """
     lengths = 0.75 * np.maximum(extents, 0.3 * extents.max())
-    tips = (T_cam_obj[:3, :3] * lengths).T + centre
-    return [_project_segment(K, centre, tip) for tip in tips]
+    tips_obj = np.stack([np.zeros((3, 3)), np.diag(lengths)], axis=1)
+    return transform_points(T_cam_obj, tips_obj)
 
 
 def draw_label(

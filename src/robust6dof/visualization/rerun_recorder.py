@@ -9,7 +9,13 @@ import numpy as np
 
 from robust6dof.errors import MissingExtraError
 from robust6dof.frames import TrackState
-from robust6dof.visualization.overlay import AXIS_COLORS, YELLOW, axis_lines, box_edges
+from robust6dof.visualization.overlay import (
+    AXIS_COLORS,
+    YELLOW,
+    axis_lines,
+    axis_segments,
+    box_edges,
+)
 from robust6dof.visualization.track_view import (
     KEYPOINT_COLOR,
     MATCH_COLOR,
@@ -115,7 +121,7 @@ class RerunRecorder:
         )
         self._stream.log("world/object", T_cam_obj)
         self._stream.log("world/object/box", rr.Boxes3D(sizes=[track.extents], colors=YELLOW))
-        axes = np.diag(0.75 * np.maximum(track.extents, 0.3 * track.extents.max()))
+        axes = axis_segments(np.eye(4), track.extents)[:, 1]
         self._stream.log("world/object/axes", rr.Arrows3D(vectors=axes, colors=AXIS_COLORS))
 
 
