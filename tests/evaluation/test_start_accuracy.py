@@ -106,6 +106,10 @@ def test_the_category_alone_may_mean_any_of_its_kind() -> None:
     both = replace(case(), alike=(other,))
     assert trial(both, "category", Answers(elsewhere)).translation_cm == pytest.approx(0.0)
     assert trial(both, "box", Answers(elsewhere)).translation_cm == pytest.approx(30.0)
+    turned = elsewhere.copy()
+    turned[:3, :3] = elsewhere[:3, :3] @ rotation_about_y(np.pi / 2)
+    hides = replace(both, alike=(replace(other, handle_visible=False),))
+    assert trial(hides, "category", Answers(turned)).rotation_deg == pytest.approx(0.0, abs=1e-4)
 
 
 def test_shares_are_counted_over_all_starts() -> None:

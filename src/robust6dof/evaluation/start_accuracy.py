@@ -222,7 +222,7 @@ def _known_extents(truth: ObjectTruth) -> Float[np.ndarray, "3"]:
 
 
 def _errors(case: StartCase, hint: Hint, track: Track | None) -> tuple[float, float, float]:
-    """Rotation [deg], translation [cm] and scale ratio; to the nearest that can be meant."""
+    """Rotation [deg], translation [cm] and scale ratio, against the nearest that can be meant."""
     if track is None:
         return float("inf"), float("inf"), float("nan")
     meant = (case.truth, *case.alike) if hint == "category" else (case.truth,)
@@ -230,7 +230,7 @@ def _errors(case: StartCase, hint: Hint, track: Track | None) -> tuple[float, fl
         meant, key=lambda one: np.linalg.norm(one.T_cam_box[:3, 3] - track.T_cam_obj[:3, 3])
     )
     ours, true = track.T_cam_obj[None], nearest.T_cam_box[None]
-    symmetric = np.array([by_annotation_or_category(case.truth)])
+    symmetric = np.array([by_annotation_or_category(nearest)])
     rotation_deg = float(rotation_err_deg(ours, true, symmetric)[0])
     scale = np.nan if nearest.extents is None else float(np.linalg.norm(nearest.extents))
     return rotation_deg, float(translation_err_cm(ours, true)[0]), track.scale / scale
