@@ -18,6 +18,9 @@ from robust6dof.frames import SYMMETRIC_CATEGORIES, TrackState
 from robust6dof.geometry.boxes import BoxIou, box_iou
 from robust6dof.geometry.transforms import make_transform
 
+HANDLED_CATEGORIES = frozenset({"mug", "025_mug"})
+"""Symmetric while their handle hides; only NOCS' own protocols know of no other than mug."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseRecord:
@@ -75,7 +78,7 @@ def by_category(seen: PoseRecord | ObjectTruth) -> bool:
 def by_annotation_or_category(seen: PoseRecord | ObjectTruth) -> bool:
     """What the data call symmetric; bottle, bowl, can; a mug whose handle this frame hides."""
     annotated = isinstance(seen, (PoseRecord, AnnotatedTruth)) and seen.symmetric
-    hidden_handle = seen.category == "mug" and not seen.handle_visible
+    hidden_handle = seen.category in HANDLED_CATEGORIES and not seen.handle_visible
     return annotated or by_category(seen) or hidden_handle
 
 

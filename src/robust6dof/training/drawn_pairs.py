@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch.utils.data import Dataset
 
 from robust6dof.errors import InputError
+from robust6dof.evaluation.records import HANDLED_CATEGORIES
 from robust6dof.frames import SYMMETRIC_CATEGORIES, RgbdFrame
 from robust6dof.shapes.priors import load_prior
 from robust6dof.tracking.view import View, ViewConfig, make_view
@@ -19,8 +20,6 @@ from robust6dof.training.pair_batch import PairBatch, batch_of_one
 from robust6dof.training.prediction_errors import ErrorSource
 from robust6dof.training.targets import PairTruth
 
-HANDLED = frozenset({"mug", "025_mug"})
-"""Symmetric while their handle hides."""
 LEAST_ON_OBJECT = 0.1
 """Share of a view's points below which it does not show the object."""
 _MOST_DRAWS = 500
@@ -121,7 +120,8 @@ class DrawnPairs(Dataset[PairBatch], ABC):
         prior = self.priors[category]
         chosen = rng.choice(len(prior), self.prior_points, replace=len(prior) < self.prior_points)
         handle_seen = previous.handle_visible or current.handle_visible
-        symmetric = category in SYMMETRIC_CATEGORIES or (category in HANDLED and not handle_seen)
+        hidden_handle = category in HANDLED_CATEGORIES and not handle_seen
+        symmetric = category in SYMMETRIC_CATEGORIES or hidden_handle
         truth = PairTruth(
             T_cam_obj_prev=batch_of_one(previous.T_cam_obj),
             T_cam_obj_cur=batch_of_one(current.T_cam_obj),
