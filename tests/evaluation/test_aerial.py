@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from evaluation.pose_records import EXTENTS, record
+from robust6dof.evaluation.intervals import draw_by_counts
 from robust6dof.evaluation.protocols.aerial import (
-    bootstrap_interval,
     counted_records,
     frame_values,
+    mean_interval,
     score,
 )
 from robust6dof.evaluation.records import PoseBatch
@@ -80,6 +81,7 @@ def test_errors_are_not_gated_by_overlap():
         ({"category": "laptop"}, False),
         ({"category": "mug"}, False),
         ({"category": "mug", "handle_visible": False}, True),
+        ({"category": "025_mug", "handle_visible": False}, True),
         ({"category": "camera", "handle_visible": False}, False),
         ({"category": "vase", "symmetric": True}, True),
     ],
@@ -130,11 +132,25 @@ def test_interval_draws_whole_sequences():
     rng = np.random.default_rng(0)
     truth = np.repeat(rng.random(30) < 0.5, 100) * 100.0
     sequences = np.repeat([f"s{i}" for i in range(30)], 100)
-    interval = bootstrap_interval({"x": truth}, np.full(3000, "can"), sequences)["x"]
+    interval = mean_interval({"x": truth}, np.full(3000, "can"), sequences)["x"]
     share = truth.mean() / 100
     half_width = 100 * 1.96 * np.sqrt(share * (1 - share) / 30)
     assert interval[1] - interval[0] == pytest.approx(2 * half_width, rel=0.15)
     assert interval[0] < truth.mean() < interval[1]
+
+
+def test_interval_is_that_of_the_frames_of_the_drawn_sequences():
+    rng = np.random.default_rng(1)
+    value = rng.random(200)
+    sequences = rng.choice(["a", "b", "c", "d"], 200)
+    kinds = np.where(np.isin(sequences, ["a", "b"]), "can", rng.choice(["mug", "can"], 200))
+    means = []
+    for drawn in draw_by_counts(4, 1000):
+        frames = np.concatenate([np.flatnonzero(sequences == "abcd"[i]) for i in drawn])
+        of_kind = [value[frames[kinds[frames] == kind]] for kind in ("can", "mug")]
+        means.append(np.mean([values.mean() for values in of_kind if len(values)]))
+    interval = mean_interval({"x": value}, kinds, sequences)["x"]
+    assert interval == pytest.approx(tuple(np.percentile(means, [2.5, 97.5])))
 
 
 def test_one_sequence_has_no_interval():

@@ -5,7 +5,7 @@ Frames of one sequence are far from independent, so sequences are the unit of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -18,6 +18,14 @@ Interval = dict[str, tuple[float, float]]
 def draw_sequences(count: int, replicates: int, seed: int = 0) -> np.ndarray:
     """Indices [replicates, count] of sequences, drawn with replacement."""
     return np.random.default_rng(seed).integers(0, count, (replicates, count))
+
+
+def draw_by_counts(count: int, replicates: int, seed: int = 0) -> list[np.ndarray]:
+    """As `draw_sequences`, from the stream of random numbers behind `aerial`'s published figures:
+    how often each sequence is drawn comes from one multinomial number each."""
+    share = np.full(count, 1 / count)
+    counts = np.random.default_rng(seed).multinomial(count, share, replicates)
+    return [np.repeat(np.arange(count), drawn) for drawn in counts]
 
 
 def percentile_interval(rows: Sequence[Row]) -> Interval:
@@ -37,6 +45,7 @@ def bootstrap_interval(
     mean: Callable[[np.ndarray], Row],
     replicates: int = 300,
     seed: int = 0,
+    draw: Callable[[int, int, int], Iterable[np.ndarray]] | None = None,
 ) -> Interval:
     """Interval of a mean over rows; empty with fewer than two sequences.
 
@@ -45,12 +54,13 @@ def bootstrap_interval(
         mean: figures of the rows of these indices; a row that is given twice counts as two.
         replicates: how many times the sequences are drawn; `mean` is asked as often.
         seed: of the draws.
+        draw: indices of the sequences of each replicate; `draw_sequences` if not given.
     """
     names, sequence = np.unique(np.asarray(sequences, str), return_inverse=True)
     if len(names) < 2:
         return {}
     members = [np.flatnonzero(sequence == index) for index in range(len(names))]
-    draws = draw_sequences(len(names), replicates, seed)
+    draws = (draw or draw_sequences)(len(names), replicates, seed)
     return percentile_interval(
         [mean(np.concatenate([members[i] for i in drawn])) for drawn in draws]
     )
