@@ -41,16 +41,20 @@ class PlaceConfig:
     """An object that came so far among its surroundings between two sights was moving."""
     reach_m: float = 0.1
     """An object that stood still is looked for within this of its place, …"""
-    speed: float = 0.05
+    speed: float = 0.3
     """… and farther by this as time goes by [m/s]; …"""
     moving_speed: float = 0.5
     """… by this if it was moving."""
-    reach_rad: float = np.deg2rad(20.0)
+    reach_rad: float = np.deg2rad(30.0)
     """It has not turned by more than this, …"""
-    turning: float = np.deg2rad(10.0)
+    turning: float = np.deg2rad(40.0)
     """… and as time goes by this [rad/s]; …"""
     moving_turning: float = np.deg2rad(60.0)
     """… this if it was moving."""
+    stood_m: float = 0.15
+    """What is found so near its place, …"""
+    stood_rad: float = np.deg2rad(30.0)
+    """… and turned by no more, stands where it stood."""
     looked_s: float = 0.3
     """After its place was in view for longer and it was not found there, it has been moved."""
     patience_s: float = 0.5
@@ -152,7 +156,7 @@ class PlaceMemory:
         for old, new in sorted(pairs, key=lambda pair: pair[0] - pair[1]):
             stood = self.seen[old].recognised_in(self.seen[new].view, config)
             if stood is not None:
-                return _apart(stood, self.seen[new]) > config.moved_m
+                return _distance(stood, self.seen[new]) > config.moved_m
         return False
 
     def _recognised(
@@ -165,7 +169,7 @@ class PlaceMemory:
         mended = next((one for one in sights if one is not None), None)
         if followed is None or mended is None:
             return followed or mended, None
-        if _apart(mended, followed) > config.inlier_m:
+        if _distance(mended, followed) > config.inlier_m:
             return followed, mended
         return mended, None
 
@@ -184,25 +188,33 @@ class PlaceMemory:
             symmetric: its turn about y says nothing.
             config: how fast it may have moved.
         """
-        places = [T for T in (self.T_cam_obj, self.T_cam_other) if T is not None]
-        surprises = [self._surprise(T_cam_obj, T, symmetric, config) for T in places]
-        return min(surprises, default=0.0)
-
-    def _surprise(
-        self, T_cam_obj: np.ndarray, T_cam_place: np.ndarray, symmetric: bool, config: PlaceConfig
-    ) -> float:
-        gap = float(np.linalg.norm(T_cam_obj[:3, 3] - T_cam_place[:3, 3]))
-        turn = orientation_error(T_cam_obj[:3, :3], T_cam_place[:3, :3], symmetric)
-        turning = config.moving_turning if self._is_free(config) else config.turning
-        shares = gap / self._reach(config), turn / (config.reach_rad + turning * self.seconds)
-        return float(2.0 * (shares[0] ** 2 + shares[1] ** 2)) if max(shares) < 1.0 else np.inf
+        free = self._is_free(config)
+        turning = config.moving_turning if free else config.turning
+        reach = np.array([self._reach(config), config.reach_rad + turning * self.seconds])
+        shares = [apart / reach for apart in self._apart(T_cam_obj, symmetric)]
+        surprises = [2.0 * share @ share if max(share) < 1.0 else np.inf for share in shares]
+        return float(min(surprises, default=0.0))
 
     def confirms(
         self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig
     ) -> bool:
         """Whether the object stood still and is where it stood."""
-        known = self.T_cam_obj is not None and not self._is_free(config)
-        return known and bool(np.isfinite(self.surprise(T_cam_obj, symmetric, config)))
+        limit = np.array([config.stood_m, config.stood_rad])
+        near = any((apart < limit).all() for apart in self._apart(T_cam_obj, symmetric))
+        return near and not self._is_free(config)
+
+    def _apart(self, T_cam_obj: np.ndarray, symmetric: bool) -> list[Float[np.ndarray, "2"]]:
+        """Distance [m] and turn [rad] from the place, and from the other; none where not known."""
+        places = [T for T in (self.T_cam_obj, self.T_cam_other) if T is not None]
+        return [
+            np.array(
+                [
+                    np.linalg.norm(T_cam_obj[:3, 3] - T[:3, 3]),
+                    orientation_error(T_cam_obj[:3, :3], T[:3, :3], symmetric),
+                ]
+            )
+            for T in places
+        ]
 
     def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
         """Whether the object may be in view; not while the image is too blurred to say."""
@@ -227,5 +239,5 @@ class PlaceMemory:
         return self.moving or self.looked_s > config.looked_s
 
 
-def _apart(a: SeenPlace, b: SeenPlace) -> float:
+def _distance(a: SeenPlace, b: SeenPlace) -> float:
     return float(np.linalg.norm(a.T_cam_obj[:3, 3] - b.T_cam_obj[:3, 3]))

@@ -33,20 +33,30 @@ class Rescue:
         self._surface = surface
         self._config = config
 
-    def try_again(self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool) -> Look:
+    def try_again(
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool, found: int = 0
+    ) -> Look:
         """The look that fits best, among `look` and those that the network confirms.
 
         Once the object is lost only what registration and network both confirm counts; without
         any such the sight is None.
+
+        Args:
+            frame: the image.
+            look: at what registration holds.
+            memory: of the frame before.
+            lost: look everywhere.
+            found: in so many frames `look` was taken for the lost object.
         """
-        trust = self._config.recovery.trust if lost else self._config.surface_trust
+        held = self._config.surface_trust
+        trust = self._config.recovery.trust if lost else held
         tried = [
             self._registered_from(T, frame, memory)
-            for T in self._proposals(frame, look, memory, lost)
+            for T in self._proposals(frame, look, memory, lost, found)
         ]
         placed = [one for one in tried if one.confidence >= trust]
         looks = [Look.take(self._encoder, frame, one, memory) for one in placed]
-        if look.surface.confidence >= trust:
+        if look.surface.confidence >= (held if found else trust):
             looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
         if not lost:
@@ -71,7 +81,7 @@ class Rescue:
         return replace(held, confidence=0.0, stamp=surface.stamp)
 
     def _proposals(
-        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool, found: int
     ) -> list[Float[np.ndarray, "4 4"]]:
         """T_cam_obj by the matches with past views; once the object is lost, of all that could
         be it."""
@@ -82,7 +92,7 @@ class Rescue:
         if lost:
             proposals += self._places(memory)
         if lost and memory.place.worth_a_search(frame, self._config.place):
-            proposals += self._found_in_image(frame, look, memory)
+            proposals += self._found_in_image(frame, look, memory, found)
         return proposals
 
     def _places(self, memory: TrackerMemory) -> list[Float[np.ndarray, "4 4"]]:
@@ -95,11 +105,11 @@ class Rescue:
         ]
 
     def _found_in_image(
-        self, frame: RgbdFrame, look: Look, memory: TrackerMemory
+        self, frame: RgbdFrame, look: Look, memory: TrackerMemory, found: int
     ) -> list[Float[np.ndarray, "4 4"]]:
         """What the network sees of all that could be the object; once something is found, of its
         other turns first."""
-        found, config = memory.count.good, self._config.recovery
+        config = self._config.recovery
         guesses = self._guesses(frame, memory)
         if found and not self._encoder.symmetric:
             guesses = other_turns(memory.T_cam_obj(look.surface), config) + guesses

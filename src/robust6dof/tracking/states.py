@@ -22,7 +22,7 @@ class StateRules:
     lost: float = 0.2
     patience: int = 3
     """Frames in a row."""
-    unplaced_patience: int = 10
+    unplaced_patience: int = 15
     """Of an object found again elsewhere than where it stood, or where the place is not known."""
 
 

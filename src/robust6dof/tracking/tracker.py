@@ -181,10 +181,10 @@ class Tracker:
         self, track: Track, frame: RgbdFrame, look: Look, memory: TrackerMemory, lost: bool
     ) -> Track:
         """The registration's track after the network's look at the frame."""
-        recovers = track.state is TrackState.RECOVERING
-        lost = lost or (recovers and not self._placed(look.surface, memory))
+        found = memory.count.good if track.state is TrackState.RECOVERING else 0
+        lost = lost or bool(found and not self._placed(look.surface, memory))
         if lost or look.surface.confidence < self.config.surface_trust:
-            look = self._rescue.try_again(frame, look, memory, lost)
+            look = self._rescue.try_again(frame, look, memory, lost, found)
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:
             return self._updated(track, frame, memory, None)
