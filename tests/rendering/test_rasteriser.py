@@ -316,7 +316,7 @@ def test_a_crop_of_the_camera_is_the_crop_of_its_image() -> None:
 def test_unusable_input_is_refused() -> None:
     vertices = np.array([[-1, -1, 1], [1, -1, 1], [0, 1, 1.0]])
     bad = Scene([MeshInstance(plain(vertices, [[0, 1, 3]]), np.eye(4), 1)])
-    with pytest.raises(InputError, match="vertices"):
+    with pytest.raises(InputError, match="vertices 0 to 3, but it has 3"):
         render(bad, small_camera())
     unnumbered = Scene([MeshInstance(plain(vertices, [[0, 1, 2]]), np.eye(4), 0)])
     with pytest.raises(InputError, match="instance_id"):

@@ -292,7 +292,7 @@ def test_what_moves_is_blurred_by_its_own_motion() -> None:
     twist, other = np.array([0.8, -0.5, 0, 0, 0.3, 0]), np.array([0, 0, 0, 0, 0, 2.0])
     wall_id = int(rendering.ids.max())
 
-    def blurred(camera_twist: np.ndarray, **moving: np.ndarray) -> np.ndarray:
+    def blurred(camera_twist: np.ndarray | None, **moving: np.ndarray) -> np.ndarray:
         twists = {wall_id: moving["wall"]} if moving else None
         return observe(
             rendering,
@@ -305,6 +305,7 @@ def test_what_moves_is_blurred_by_its_own_motion() -> None:
 
     np.testing.assert_array_equal(blurred(twist, wall=np.zeros(6)), rendering.rgb)
     np.testing.assert_array_equal(blurred(twist, wall=other), blurred(other))
+    np.testing.assert_array_equal(blurred(None, wall=other), blurred(other))
     assert (blurred(twist) != rendering.rgb).mean() > 0.5
 
 
@@ -332,6 +333,10 @@ def test_units_differ_but_stay_usable() -> None:
     drawn = StereoSensorConfig.d435i().drawn(np.random.default_rng(0))
     assert drawn != StereoSensorConfig.d435i()
     assert drawn == StereoSensorConfig.d435i().drawn(np.random.default_rng(0))
+    certain = StereoSensorConfig(edge_dropout=1.0, shiny_dropout=1.0)
+    for seed in range(4):
+        unit = certain.drawn(np.random.default_rng(seed))
+        assert max(unit.edge_dropout, unit.shiny_dropout) <= 1.0
     frame = observe(wall(0.8), drawn)
     assert (frame.depth > 0).mean() > 0.95
 
@@ -345,6 +350,10 @@ def test_presets_and_unusable_settings() -> None:
         StereoSensorConfig(baseline_m=0.0)
     with pytest.raises(InputError, match="fill_rate"):
         StereoSensorConfig(fill_rate=1.5)
+    with pytest.raises(InputError, match="probabilities"):
+        StereoSensorConfig(edge_dropout=1.5)
+    with pytest.raises(InputError, match="read_noise"):
+        StereoSensorConfig(read_noise=-1.0)
     with pytest.raises(InputError, match="exposure"):
         observe(wall(1.0), PERFECT, exposure_s=-1.0)
     with pytest.raises(InputError, match="size"):

@@ -55,7 +55,8 @@ def _prepare(mesh: TexturedMesh) -> PreparedMesh:
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int32)
     if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
         raise InputError(
-            f"the mesh's faces name vertices up to {faces.max()}, but it has {len(vertices)}"
+            f"the mesh's faces name vertices {faces.min()} to {faces.max()}, but it has "
+            f"{len(vertices)}, numbered from 0"
         )
     corner_uv = np.nan_to_num(np.asarray(mesh.uv, dtype=np.float32))[faces]
     texels, levels = _texture_pyramid(mesh.texture)

@@ -59,8 +59,8 @@ class StereoSensor:
         if exposure_s < 0:
             raise InputError(f"the exposure must not be negative, got {exposure_s} s")
         depth = observe_depth(rendering, camera.K, self.config, rng)
-        twists = (
-            {STILL: camera_twist, **(instance_twists or {})} if camera_twist is not None else {}
-        )
+        twists = dict(instance_twists or {})
+        if camera_twist is not None or twists:
+            twists[STILL] = np.zeros(6) if camera_twist is None else camera_twist
         rgb = observe_color(rendering, camera.K, self.config, rng, twists, exposure_s)
         return RgbdFrame(rgb, depth, camera.K, stamp, name)

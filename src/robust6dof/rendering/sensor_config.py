@@ -78,6 +78,10 @@ class StereoSensorConfig:
             raise InputError("the stereo pair needs a positive focal length and baseline")
         if not 0.0 < self.fill_rate <= 1.0 or self.match_window_px < 1.0:
             raise InputError("fill_rate must lie in 0 … 1 and match_window_px be 1 or more")
+        if not (0.0 <= self.edge_dropout <= 1.0 and 0.0 <= self.shiny_dropout <= 1.0):
+            raise InputError("edge_dropout and shiny_dropout are probabilities, 0 to 1")
+        if self.fill_level <= 0 or self.shot_noise < 0 or self.read_noise < 0:
+            raise InputError("fill_level must be positive, shot_noise and read_noise at least 0")
         if self.grazing_deg[0] > self.grazing_deg[1]:
             raise InputError("grazing_deg must read (begin, complete) in rising order")
 
@@ -131,9 +135,9 @@ class StereoSensorConfig:
             disparity_noise_px=self.disparity_noise_px * float(rng.uniform(0.6, 1.5)),
             noise_correlation_px=(mean_spread * stretch, mean_spread / stretch),
             edge_fattening_px=self.edge_fattening_px * float(rng.uniform(0.5, 1.5)),
-            edge_dropout=2.0 * self.edge_dropout * float(rng.random()),
+            edge_dropout=min(2.0 * self.edge_dropout * float(rng.random()), 1.0),
             fill_rate=1.0 - (1.0 - self.fill_rate) * float(10.0 ** rng.uniform(-1.0, 0.0)),
-            shiny_dropout=2.0 * self.shiny_dropout * float(rng.random()),
+            shiny_dropout=min(2.0 * self.shiny_dropout * float(rng.random()), 1.0),
             exposure_gain=self.exposure_gain * float(np.exp(rng.normal(0.0, 0.2))),
             white_balance=(red, green, blue),
             shot_noise=self.shot_noise * float(rng.uniform(0.3, 2.0)),
