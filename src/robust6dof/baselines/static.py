@@ -12,8 +12,7 @@ from robust6dof.tracking.initialisation import find_initial_pose
 
 
 class StaticTracker:
-    """Keeps the first pose. Its confidence is that of a guess, its state UNCERTAIN after the
-    first frame."""
+    """Keeps the first pose; after the first frame with confidence 0 and state UNCERTAIN."""
 
     def __init__(self, category: str = "object") -> None:
         self.category = category

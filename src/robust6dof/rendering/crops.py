@@ -1,5 +1,6 @@
-"""The training renderer: batches of object crops with colour, depth, mask and coordinates.
+"""A renderer for training on GPUs: object crops with colour, depth, mask and coordinates.
 
+The shipped training draws its pairs with the rasteriser (`synthetic.close_up`) instead.
 Plain PyTorch on any device: dense surface samples are splatted through a z-buffer, shaded per
 pixel (Lambert and Blinn-Phong, as the rasteriser), and set on a table before a background.
 """
