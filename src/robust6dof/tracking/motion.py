@@ -172,8 +172,9 @@ class Motion:
         )
 
 
-def seconds_between(old: float | None, new: float | None) -> float:
-    """Time between two stamps; one period at 30 Hz where stamps are missing or out of order."""
-    if old is None or new is None or not 0.0 < new - old < 10.0:
+def seconds_between(old: float | None, new: float | None, longest: float = 10.0) -> float:
+    """Time between two stamps; one period at 30 Hz where stamps are missing, out of order, or
+    `longest` apart, over which no motion can be predicted."""
+    if old is None or new is None or not 0.0 < new - old < longest:
         return _NOMINAL_PERIOD
     return new - old

@@ -44,19 +44,21 @@ class PlaceConfig:
     speed: float = 0.3
     """… and farther by this as time goes by [m/s]; …"""
     moving_speed: float = 0.5
-    """… by this if it was moving."""
+    """… by this if it was moving, or has been moved."""
     reach_rad: float = np.deg2rad(30.0)
     """It has not turned by more than this, …"""
     turning: float = np.deg2rad(40.0)
     """… and as time goes by this [rad/s]; …"""
     moving_turning: float = np.deg2rad(60.0)
-    """… this if it was moving."""
+    """… this if it was moving, or has been moved."""
     stood_m: float = 0.15
     """What is found so near its place, …"""
     stood_rad: float = np.deg2rad(30.0)
     """… and turned by no more, stands where it stood."""
     looked_s: float = 0.3
     """After its place was in view for longer and it was not found there, it has been moved."""
+    glance_s: float = 0.1
+    """One image shows its place for no longer than this, however late it comes."""
     patience_s: float = 0.5
     """Where it is not known for longer, the object is looked for everywhere."""
 
@@ -173,9 +175,9 @@ class PlaceMemory:
             return followed, mended
         return mended, None
 
-    def in_view(self, seconds: float) -> PlaceMemory:
+    def in_view(self, seconds: float, config: PlaceConfig) -> PlaceMemory:
         """The newest frame shows the place, and `seconds` have gone by since the one before."""
-        return replace(self, looked_s=self.looked_s + seconds)
+        return replace(self, looked_s=self.looked_s + min(seconds, config.glance_s))
 
     def surprise(
         self, T_cam_obj: Float[np.ndarray, "4 4"], symmetric: bool, config: PlaceConfig

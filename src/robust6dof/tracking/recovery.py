@@ -109,14 +109,14 @@ def seen_poses(
     number: int,
     config: RecoveryConfig,
 ) -> list[Float[np.ndarray, "4 4"]]:
-    """What the network makes of this frame's share of the guesses; those of the wrong size go.
+    """What the network makes of one share of the guesses; those of the wrong size go.
 
     Args:
         encoder: the network.
         frame: the image.
-        guesses: all of them; `number`, of the frame, says whose turn it is.
+        guesses: all of them; `number` says whose turn it is.
         extents: of the object's box [m].
-        number: of the frame.
+        number: which share; and of the points drawn.
         config: how many.
     """
     count, scale = min(config.guesses_per_frame, len(guesses)), float(np.linalg.norm(extents))

@@ -48,7 +48,7 @@ class BegunStep:
     looks: bool
     """The network is due; it has nothing to look at where there is no request."""
     lost: bool = False
-    """The object was lost, or it is too long ago that it was seen."""
+    """The object was lost before the frame, or it is too long ago that it was seen."""
     request: ViewRequest | None = None
 
 
@@ -154,13 +154,14 @@ class Tracker:
     def begin(self, track: Track, frame: RgbdFrame) -> BegunStep:
         """The first half of `step`: register, and say what to ask of the network."""
         memory: TrackerMemory = track.memory
-        seconds = seconds_between(track.stamp, frame.stamp)
+        seconds = seconds_between(track.stamp, frame.stamp, longest=np.inf)
         memory = replace(memory, seconds=memory.seconds + seconds, frames=memory.frames + 1)
         jumped = seconds > self.config.jump_s
         sure = track.state is TrackState.TRACKING and not jumped
         lost = self.config.recover and (track.state is TrackState.LOST or jumped)
         if self.config.recover and not sure:
-            memory = memory.following_place(frame, seconds, self.config.place, lost)
+            held = lost and track.state is not TrackState.RECOVERING
+            memory = memory.following_place(frame, seconds, self.config.place, held)
         due = not sure or memory.frames % self.config.look_every == 0
         learn = sure and (self.config.look_every == 1 or not due)
         surface = self._surface.step(memory.surface, frame, learn=learn)

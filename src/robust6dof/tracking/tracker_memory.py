@@ -17,7 +17,8 @@ from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.surface.icp_memory import assess_surface
 
 _IN_VIEW, _HIDDEN = 0.7, 0.5
-"""Shares of the object's surface in the image and behind something else: its place is in view."""
+"""Its place is in view where more of the object's surface than the first is in the image, and less
+than the second behind something else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +57,15 @@ class TrackerMemory:
     def following_place(
         self, frame: RgbdFrame, seconds: float, config: PlaceConfig, lost: bool
     ) -> TrackerMemory:
-        """The object is in doubt; where it is lost, it stays in its place, if that is known."""
+        """The object is in doubt; where it is lost, it stays in its place, if that is known, and
+        for how long that was in view is counted."""
         place = self.place.after_loss(frame, seconds, config)
         if not lost or place.T_cam_obj is None:
             return replace(self, place=place)
         surface = self.surface_at(place.T_cam_obj)
         seen, _ = assess_surface(frame, place.T_cam_obj, surface.memory.surface)
         if seen.in_image > _IN_VIEW and seen.occluded < _HIDDEN:
-            place = place.in_view(seconds)
+            place = place.in_view(seconds, config)
         return replace(self, place=place, surface=surface)
 
     def surface_at(self, T_cam_model: Float[np.ndarray, "4 4"]) -> Track:
