@@ -132,3 +132,9 @@ def test_gradient_of_a_linear_print_on_a_plane() -> None:
     gradients = intensity_gradients(cloud)[inner]
     # The 2 % of regularisation shrink it a little.
     np.testing.assert_allclose(np.median(gradients, axis=0), slope, rtol=0.05, atol=1e-6)
+
+
+@pytest.mark.parametrize(("source", "target"), [(50, 0), (0, 50), (0, 0)])
+def test_an_empty_cloud_finds_no_partner(source: int, target: int) -> None:
+    clouds = ellipsoid(50, 0)[np.arange(source)], ellipsoid(50, 1)[np.arange(target)]
+    assert fit_of(clouds[0], RegistrationTarget.build(clouds[1]), LOOSE) is None

@@ -149,6 +149,8 @@ def _all_terms(
 
 
 def _pair(source: Cloud, target: RegistrationTarget, T: np.ndarray, cutoff: float) -> _Pairs:
+    if not len(source) or not len(target.cloud):  # small_gicp crashes on an empty tree
+        return _Pairs(source[:0], target.cloud[:0], target.gradients[:0])
     points = transform_points(T, source.points)
     normals = source.normals @ T[:3, :3].T
     index, squared = _nearest(target.tree, points)
