@@ -12,7 +12,7 @@ from baselines.tabletop_scene import look_at_object, make_tabletop
 from robust6dof.errors import InputError
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import invert_transform, make_transform, rotation_error
-from robust6dof.tracking.motion import Motion
+from robust6dof.tracking.motion import Motion, seconds_between
 from robust6dof.tracking.surface.icp import IcpTracker
 
 PERIOD = 1 / 30
@@ -174,3 +174,29 @@ def test_a_tracker_with_a_gyro_follows_where_it_would_be_lost() -> None:
     assert shift < 0.02
     assert confidence > 0.5
     assert after_a_jump(gyro=False)[2] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (1.0, 1.5, 0.5),
+        (np.float64(1.0), np.float64(1.5), 0.5),
+        (1.5, 1.0, 1 / 30),
+        (1.0, 1.0, 1 / 30),
+        (1.0, 21.0, 1 / 30),
+        (None, 1.0, 1 / 30),
+        (1.0, np.nan, 1 / 30),
+        (1.0, np.inf, 1 / 30),
+    ],
+)
+def test_stamps_that_tell_no_time_count_as_one_period(
+    old: float | None, new: float | None, expected: float
+) -> None:
+    seconds = seconds_between(old, new)
+    assert type(seconds) is float
+    assert seconds == pytest.approx(expected)
+
+
+def test_any_gap_can_be_asked_for() -> None:
+    assert seconds_between(1.0, 21.0, longest=np.inf) == 20.0
+    assert seconds_between(1.0, np.inf, longest=np.inf) == pytest.approx(1 / 30)

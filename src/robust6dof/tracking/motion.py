@@ -177,4 +177,4 @@ def seconds_between(old: float | None, new: float | None, longest: float = 10.0)
     `longest` apart, over which no motion can be predicted."""
     if old is None or new is None or not 0.0 < new - old < longest:
         return _NOMINAL_PERIOD
-    return new - old
+    return float(new - old)
