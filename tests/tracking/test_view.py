@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.transforms import make_transform
 from robust6dof.network.inputs import to_camera
-from robust6dof.tracking.view import ViewConfig, make_view
+from robust6dof.tracking.view import ViewConfig, _crop_window, make_view
 
 K = np.array([[300.0, 0, 160], [0, 310.0, 120], [0, 0, 1]])
 EXTENTS = np.array([0.12, 0.2, 0.1])
@@ -75,3 +75,22 @@ def test_few_points_are_repeated_to_n() -> None:
     assert view is not None
     assert view.batch.points.shape == (1, 256, 3)
     assert len(np.unique(view.frame_pixels, axis=0)) == 36
+
+
+def test_what_is_cut_out_of_the_image_lies_in_it() -> None:
+    """Also of a box that nearly reaches the camera beside the image: its near corners project far
+    away, its far ones into the image."""
+    frame, rng = plane_frame(), np.random.default_rng(0)
+    windows = 0
+    for _ in range(3000):
+        t = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 0.5])
+        T_cam_pred = make_transform(Rotation.random(rng=rng).as_matrix(), t)
+        window = _crop_window(frame, T_cam_pred, np.array([0.25, 0.2, 0.2]))
+        if window is not None:
+            x0, y0, side = window
+            windows += 1
+            assert x0 + side >= 0
+            assert y0 + side >= 0
+            assert x0 <= frame.width
+            assert y0 <= frame.height
+    assert windows > 100

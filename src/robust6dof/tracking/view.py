@@ -99,12 +99,13 @@ def _crop_window(
         return None
     pixels = project(corners_cam, frame.K)
     low, high = pixels.min(axis=0), pixels.max(axis=0)
-    outside = high < 0, low > [frame.width - 1, frame.height - 1]
-    if np.any(outside):
-        return None
     side = float(np.clip((high - low).max(), 16.0, 2.0 * max(frame.width, frame.height)))
-    x0, y0 = (low + high) / 2 - side / 2
-    return float(x0), float(y0), side
+    corner = (low + high) / 2 - side / 2
+    # A box that nearly reaches the camera can be in view while its cut window is not.
+    low, high = np.maximum(low, corner), np.minimum(high, corner + side)
+    if np.any(high < 0) or np.any(low > [frame.width - 1, frame.height - 1]):
+        return None
+    return float(corner[0]), float(corner[1]), side
 
 
 def _points_near_box(
