@@ -71,9 +71,10 @@ def test_after_the_first_frame_a_tracker_gets_images_only(episode):
     T_start = tracker.started_with["T_cam_obj"]
     for track, frame in tracker.seen:
         assert type(frame) is RgbdFrame
+        assert frame.R_ref_cam is None
         assert (track.T_cam_obj == T_start).all()  # its own track comes back to it, nothing else
     assert {field.name for field in fields(RgbdFrame)} == {
-        "rgb", "depth", "K", "stamp", "name", "has_color"
+        "rgb", "depth", "K", "stamp", "name", "has_color", "R_ref_cam"
     }  # fmt: skip
 
 
