@@ -32,7 +32,7 @@ def dark(frame: RgbdFrame) -> RgbdFrame:
 
 def looked_at(memory: PlaceMemory, frames: int) -> PlaceMemory:
     for _ in range(frames):
-        memory = memory.in_view(1 / 30, CONFIG)
+        memory = memory.in_view_without(1 / 30, CONFIG)
     return memory
 
 
@@ -121,7 +121,7 @@ def test_only_an_object_that_stood_still_is_confirmed_by_its_place() -> None:
     assert not replace(memory, moving=True).confirms(T_there, False, CONFIG)
     assert looked_at(memory, 6).confirms(T_there, False, CONFIG)
     assert not looked_at(memory, 12).confirms(T_there, False, CONFIG)
-    assert memory.in_view(5.0, CONFIG).confirms(T_there, False, CONFIG)  # one late image
+    assert memory.in_view_without(5.0, CONFIG).confirms(T_there, False, CONFIG)  # one late image
     assert not replace(memory, T_cam_obj=None).confirms(T_there, False, CONFIG)
 
 
@@ -134,6 +134,17 @@ def test_only_an_object_that_may_be_in_view_is_looked_for(
 ) -> None:
     memory = replace(seen(), T_cam_obj=make_transform(np.eye(3), np.array(place)), seconds=0.1)
     assert memory.worth_a_search(shot(0.0).frame, CONFIG) is worth
+
+
+def test_either_of_two_places_is_worth_a_search_and_neither_is_known_to_be_empty() -> None:
+    frame, T_seen = shot(0.0).frame, make_transform(np.eye(3), np.array([0.0, 0.0, 1.0]))
+    T_behind = make_transform(np.eye(3), np.array([0.0, 0.0, -1.0]))
+    memory = replace(seen(), T_cam_obj=T_behind, seconds=0.1)
+    assert not memory.worth_a_search(frame, CONFIG)
+    either = replace(memory, T_cam_other=T_seen)
+    assert either.worth_a_search(frame, CONFIG)
+    assert either.in_view_without(0.1, CONFIG).looked_s == 0.0
+    assert memory.in_view_without(0.1, CONFIG).looked_s > 0.0
 
 
 def test_where_the_place_is_not_known_for_long_all_is_looked_at() -> None:

@@ -159,15 +159,15 @@ def test_states_follow_the_documented_transitions() -> None:
 def test_what_is_found_elsewhere_than_where_it_stood_is_doubted_for_longer() -> None:
     rules = StateRules()
 
-    def frames_until_tracking(placed: bool) -> int:
+    def frames_until_tracking(stands: bool) -> int:
         state, count, frames = TrackState.LOST, StateCount(), 0
         while state is not TrackState.TRACKING:
             count, frames = count.after(0.9, rules), frames + 1
-            state = next_state(state, count, rules, placed)
+            state = next_state(state, count, rules, stands)
         return frames
 
-    assert frames_until_tracking(placed=True) == rules.patience
-    assert frames_until_tracking(placed=False) == rules.unplaced_patience
+    assert frames_until_tracking(stands=True) == rules.patience
+    assert frames_until_tracking(stands=False) == rules.unplaced_patience
 
 
 def test_doubt_ends_after_three_good_frames() -> None:

@@ -67,6 +67,7 @@ class ViewEncoder:
     ) -> None:
         self.net = net.eval()
         self.category = category
+        self.prior = prior
         self.symmetric = category in SYMMETRIC_CATEGORIES
         self.seed = seed
         self._view = ViewConfig(points=net.config.points, crop_px=net.config.crop_px)

@@ -28,6 +28,8 @@ class Look:
     """The registration's track."""
     sight: Sight | None
     """None where there is no depth."""
+    searched: bool = False
+    """Registered from a pose that was proposed, not from where the object was followed to."""
 
     @classmethod
     def take(

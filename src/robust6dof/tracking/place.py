@@ -118,7 +118,7 @@ class PlaceMemory:
     moving: bool = False
     """Whether it moved among its surroundings when it was last seen."""
     looked_s: float = 0.0
-    """For how long its place has been in view since then."""
+    """For how long its place has been in view without it since then."""
     seconds: float = 0.0
     """Since it was last seen."""
     unknown_s: float = 0.0
@@ -175,8 +175,11 @@ class PlaceMemory:
             return followed, mended
         return mended, None
 
-    def in_view(self, seconds: float, config: PlaceConfig) -> PlaceMemory:
-        """The newest frame shows the place, and `seconds` have gone by since the one before."""
+    def in_view_without(self, seconds: float, config: PlaceConfig) -> PlaceMemory:
+        """The newest frame shows the place, empty, and `seconds` have gone by since the one before.
+        Of two places neither counts."""
+        if self.T_cam_other is not None:
+            return self
         return replace(self, looked_s=self.looked_s + min(seconds, config.glance_s))
 
     def surprise(
@@ -205,9 +208,13 @@ class PlaceMemory:
         near = any((apart < limit).all() for apart in self._apart(T_cam_obj, symmetric))
         return near and not self._is_free(config)
 
+    @property
+    def known(self) -> list[Float[np.ndarray, "4 4"]]:
+        """Where the lost object should be in the newest frame: one place, two or none."""
+        return [T for T in (self.T_cam_obj, self.T_cam_other) if T is not None]
+
     def _apart(self, T_cam_obj: np.ndarray, symmetric: bool) -> list[Float[np.ndarray, "2"]]:
         """Distance [m] and turn [rad] from the place, and from the other; none where not known."""
-        places = [T for T in (self.T_cam_obj, self.T_cam_other) if T is not None]
         return [
             np.array(
                 [
@@ -215,21 +222,15 @@ class PlaceMemory:
                     orientation_error(T_cam_obj[:3, :3], T[:3, :3], symmetric),
                 ]
             )
-            for T in places
+            for T in self.known
         ]
 
     def worth_a_search(self, frame: RgbdFrame, config: PlaceConfig) -> bool:
         """Whether the object may be in view; not while the image is too blurred to say."""
-        if self.T_cam_obj is None:
+        if not self.known:
             return self.unknown_s >= config.patience_s
-        reach, centre = self._reach(config), self.T_cam_obj[:3, 3]
-        if centre[2] < reach:
-            return bool(centre[2] > -reach)
-        (pixel,) = project(centre[None], frame.K)
-        margin = reach * frame.K[0, 0] / centre[2]
-        return bool(
-            (pixel > -margin).all() and (pixel < [frame.width, frame.height] + margin).all()
-        )
+        reach = self._reach(config)
+        return any(_may_show(frame, T_cam_obj[:3, 3], reach) for T_cam_obj in self.known)
 
     def _reach(self, config: PlaceConfig) -> float:
         """How far from its place the object may be [m]."""
@@ -239,6 +240,15 @@ class PlaceMemory:
     def _is_free(self, config: PlaceConfig) -> bool:
         """Whether it moved, or has been moved: it is not where it stood."""
         return self.moving or self.looked_s > config.looked_s
+
+
+def _may_show(frame: RgbdFrame, centre: Float[np.ndarray, "3"], reach: float) -> bool:
+    """Whether the image may show something within `reach` [m] of a point in camera axes."""
+    if centre[2] < reach:
+        return bool(centre[2] > -reach)
+    (pixel,) = project(centre[None], frame.K)
+    margin = reach * frame.K[0, 0] / centre[2]
+    return bool((pixel > -margin).all() and (pixel < [frame.width, frame.height] + margin).all())
 
 
 def _distance(a: SeenPlace, b: SeenPlace) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +56,9 @@ class Rescue:
             for T in self._proposals(frame, look, memory, lost, found)
         ]
         placed = [one for one in tried if one.confidence >= trust]
-        looks = [Look.take(self._encoder, frame, one, memory) for one in placed]
+        looks = [
+            replace(Look.take(self._encoder, frame, one, memory), searched=True) for one in placed
+        ]
         if look.surface.confidence >= (held if found else trust):
             looks.append(look)
         believed = [one for one in looks if self._is_confirmed(one, memory)]
@@ -97,12 +100,9 @@ class Rescue:
 
     def _places(self, memory: TrackerMemory) -> list[Float[np.ndarray, "4 4"]]:
         """Where the object should be, but for where the registration begins anyway."""
-        known = [memory.place.T_cam_obj, memory.place.T_cam_other]
-        return [
-            memory.T_cam_obj(memory.surface_at(T))
-            for T in known
-            if T is not None and T is not memory.surface.T_cam_obj
-        ]
+        begun = memory.surface.T_cam_obj
+        known = [T for T in memory.place.known if not np.array_equal(T, begun)]
+        return [T @ memory.canonical.T_model_obj for T in known]
 
     def _found_in_image(
         self, frame: RgbdFrame, look: Look, memory: TrackerMemory, found: int
@@ -112,7 +112,8 @@ class Rescue:
         config = self._config.recovery
         guesses = self._guesses(frame, memory)
         if found and not self._encoder.symmetric:
-            guesses = other_turns(memory.T_cam_obj(look.surface), config) + guesses
+            turns = other_turns(memory.T_cam_obj(look.surface), config)
+            guesses = self._within_reach(turns, memory) + guesses
         number = found - 1 if found else memory.frames
         return seen_poses(self._encoder, frame, guesses, memory.extents, number, config)
 
@@ -124,8 +125,14 @@ class Rescue:
         at = memory.surface if T_cam_place is None else memory.surface_at(T_cam_place)
         T_cam_last = memory.T_cam_obj(at)
         guesses = poses_to_try(frame, T_cam_last, scale, color, self._encoder.symmetric, config)
-        guesses = [T for T in guesses if np.isfinite(self._surprise(memory.T_cam_model(T), memory))]
+        guesses = self._within_reach(guesses, memory)
         return guesses if T_cam_place is None else [T_cam_last, *guesses]
+
+    def _within_reach(
+        self, guesses: Sequence[Float[np.ndarray, "4 4"]], memory: TrackerMemory
+    ) -> list[Float[np.ndarray, "4 4"]]:
+        """Those where the object can be by now."""
+        return [T for T in guesses if np.isfinite(self._surprise(memory.T_cam_model(T), memory))]
 
     @torch.inference_mode()
     def _matched(

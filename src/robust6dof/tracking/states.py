@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 from robust6dof.frames import TrackState
 
+FOLLOWED = (TrackState.TRACKING, TrackState.UNCERTAIN)
+"""In which nothing doubts that it is the right object."""
+
 
 @dataclass(frozen=True)
 class StateRules:
@@ -41,7 +44,7 @@ class StateCount:
 
 
 def next_state(
-    state: TrackState, count: StateCount, rules: StateRules, placed: bool = True
+    state: TrackState, count: StateCount, rules: StateRules, stands: bool = True
 ) -> TrackState:
     """The state after a frame, whose confidence `count` already holds.
 
@@ -49,12 +52,12 @@ def next_state(
         state: before.
         count: with the frame.
         rules: thresholds.
-        placed: what is found again stands where the lost object stood.
+        stands: what is found again stands where the lost object stood.
     """
-    if state in (TrackState.LOST, TrackState.RECOVERING):
+    if state not in FOLLOWED:
         if not count.good:
             return TrackState.LOST
-        enough = rules.patience if placed else rules.unplaced_patience
+        enough = rules.patience if stands else rules.unplaced_patience
         return TrackState.TRACKING if count.good >= enough else TrackState.RECOVERING
     if count.bad >= rules.patience:
         return TrackState.LOST

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
+from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
 from robust6dof.tracking.canonical_frame import CanonicalFrame
@@ -26,12 +27,13 @@ from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_alone
 from robust6dof.tracking.first_look import look_around
 from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
+from robust6dof.tracking.likeness import CategoryShape
 from robust6dof.tracking.look import Look, Sight, look_request
 from robust6dof.tracking.motion import seconds_between
 from robust6dof.tracking.place import PlaceMemory
 from robust6dof.tracking.pretrained import category_or_object
 from robust6dof.tracking.rescue import Rescue
-from robust6dof.tracking.states import next_state
+from robust6dof.tracking.states import FOLLOWED, StateCount, next_state
 from robust6dof.tracking.surface.icp import IcpTracker
 from robust6dof.tracking.tracker_config import TrackerConfig
 from robust6dof.tracking.tracker_memory import TrackerMemory
@@ -66,6 +68,7 @@ class Tracker:
         self.category = encoder.category
         self.config = config or TrackerConfig()
         self._surface = IcpTracker(self.category, self.config.surface, seed=encoder.seed)
+        self._shape = CategoryShape(encoder.prior, self.category)
         self._rescue = Rescue(encoder, self._surface, self.config)
 
     @classmethod
@@ -132,10 +135,12 @@ class Tracker:
         sight = Sight(features, self._encoder.anchor(features, 0))
         symmetric = self._encoder.symmetric
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
-        confidence = self._confidence(surface, evidence)
+        likeness = self._likeness(surface, canonical, extents)
+        confidence = self._confidence(surface, evidence, likeness)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
         place = PlaceMemory().after_sight(frame, surface.T_cam_obj, False, self.config.place)
+        memory = TrackerMemory(surface, canonical, shape, first, views, evidence, likeness, place)
         return Track(
             T_cam_obj=T_cam_obj,
             extents=extents,
@@ -143,7 +148,7 @@ class Tracker:
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
-            memory=TrackerMemory(surface, canonical, shape, first, views, evidence, place),
+            memory=memory,
         )
 
     def step(self, track: Track, frame: RgbdFrame) -> Track:
@@ -183,23 +188,31 @@ class Tracker:
     ) -> Track:
         """The registration's track after the network's look at the frame."""
         found = memory.count.good if track.state is TrackState.RECOVERING else 0
-        lost = lost or bool(found and not self._placed(look.surface, memory))
+        lost = lost or bool(found and not self._stands(look.surface, memory))
         if lost or look.surface.confidence < self.config.surface_trust:
             look = self._rescue.try_again(frame, look, memory, lost, found)
+        if lost and look.searched:
+            track = replace(track, state=TrackState.LOST)
+            memory = replace(memory, count=StateCount(), stands=False)
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:
             return self._updated(track, frame, memory, None)
-        anchor = look.sight.anchor
-        placed = look.surface.confidence >= self.config.surface_trust
-        if placed and anchor.inlier_share >= self.config.anchor_trust:
-            T_cam_model = look.surface.T_cam_obj
-            canonical = self._with_look(memory.canonical, T_cam_model, anchor, memory.seconds)
-            memory = replace(memory, canonical=canonical)
-        T_cam_obj = memory.T_cam_obj(look.surface)
-        scale, symmetric = memory.canonical.scale, self._encoder.symmetric
-        evidence = look_evidence(anchor, T_cam_obj, scale, symmetric)
-        memory = replace(memory, evidence=evidence)
+        memory = self._judged(look.surface, look.sight, memory, learns=track.state in FOLLOWED)
         return self._updated(track, frame, memory, look.sight.features)
+
+    def _judged(
+        self, surface: Track, sight: Sight, memory: TrackerMemory, learns: bool
+    ) -> TrackerMemory:
+        """With what the network's sight says for and against the pose, and of the object frame."""
+        anchor = sight.anchor
+        fits = surface.confidence >= self.config.surface_trust
+        if learns and fits and anchor.inlier_share >= self.config.anchor_trust:
+            canonical = self._with_look(memory.canonical, surface.T_cam_obj, anchor, memory.seconds)
+            memory = replace(memory, canonical=canonical)
+        T_cam_obj, symmetric = memory.T_cam_obj(surface), self._encoder.symmetric
+        evidence = look_evidence(anchor, T_cam_obj, memory.canonical.scale, symmetric)
+        likeness = self._likeness(surface, memory.canonical, memory.extents)
+        return replace(memory, evidence=evidence, likeness=likeness)
 
     def _with_look(
         self,
@@ -216,10 +229,16 @@ class Tracker:
             seconds=seconds,
         )
 
-    def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
+    def _likeness(self, surface: Track, canonical: CanonicalFrame, extents: np.ndarray) -> float:
+        T_obj_model = invert_transform(canonical.T_model_obj)
+        points = transform_points(T_obj_model, surface.memory.surface.cloud.points)
+        return self._shape.likeness(self._shape.gap(points, extents))
+
+    def _confidence(self, surface: Track, evidence: np.ndarray | None, likeness: float) -> float:
         if evidence is None:
             return 0.0
-        return min(self.config.confidence(evidence), self.config.surface_share * surface.confidence)
+        registered = self.config.surface_share * surface.confidence
+        return min(self.config.confidence(evidence), registered, likeness)
 
     def _updated(
         self,
@@ -228,18 +247,21 @@ class Tracker:
         memory: TrackerMemory,
         features: ViewFeatures | None,
     ) -> Track:
-        confidence = self._confidence(memory.surface, memory.evidence)
+        confidence = self._confidence(memory.surface, memory.evidence, memory.likeness)
         T_cam_obj = memory.T_cam_obj(memory.surface)
         count = memory.count.after(confidence, self.config.states)
         memory = replace(memory, count=count)
         if features is not None:
             view = Keyframe(features, T_cam_obj, confidence)
-            views = memory.views.with_view(view) if count.good else memory.views
+            learns = count.good and track.state in FOLLOWED
+            views = memory.views.with_view(view) if learns else memory.views
             memory = replace(memory, last=view, views=views)
-        placed = self._placed(memory.surface, memory)
-        state = next_state(track.state, count, self.config.states, placed)
+        stands = self._stands(memory.surface, memory)
+        state = next_state(track.state, count, self.config.states, stands)
         if state is TrackState.TRACKING:
-            memory = replace(memory, place=self._place_seen(frame, memory))
+            forgets = track.state is TrackState.RECOVERING and not stands
+            memory = replace(memory, place=self._place_seen(frame, memory, forgets))
+        memory = replace(memory, stands=stands and state is TrackState.RECOVERING)
         return replace(
             track,
             T_cam_obj=T_cam_obj,
@@ -250,15 +272,21 @@ class Tracker:
             memory=memory,
         )
 
-    def _placed(self, surface: Track, memory: TrackerMemory) -> bool:
+    def _stands(self, surface: Track, memory: TrackerMemory) -> bool:
         """Whether the object is where it stood when it was lost; if not, what was found may still
-        turn out to be something else."""
-        symmetric, config = self._encoder.symmetric, self.config
-        return not config.recover or memory.place.confirms(
-            surface.T_cam_obj, symmetric, config.place
-        )
+        turn out to be something else. In a frame that does not tell it is as it was."""
+        if not self.config.recover:
+            return True
+        if not memory.place.known:
+            return memory.stands
+        symmetric, config = self._encoder.symmetric, self.config.place
+        return memory.place.confirms(surface.T_cam_obj, symmetric, config)
 
-    def _place_seen(self, frame: RgbdFrame, memory: TrackerMemory) -> PlaceMemory:
+    def _place_seen(
+        self, frame: RgbdFrame, memory: TrackerMemory, elsewhere: bool = False
+    ) -> PlaceMemory:
+        """The object is seen; `elsewhere` than where it stood, of which nothing is kept."""
         surface = memory.surface
         moving = surface.memory.surroundings is None
-        return memory.place.after_sight(frame, surface.T_cam_obj, moving, self.config.place)
+        before = PlaceMemory() if elsewhere else memory.place
+        return before.after_sight(frame, surface.T_cam_obj, moving, self.config.place)

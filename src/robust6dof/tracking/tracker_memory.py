@@ -16,9 +16,9 @@ from robust6dof.tracking.place import PlaceConfig, PlaceMemory
 from robust6dof.tracking.states import StateCount
 from robust6dof.tracking.surface.icp_memory import assess_surface
 
-_IN_VIEW, _HIDDEN = 0.7, 0.5
-"""Its place is in view where more of the object's surface than the first is in the image, and less
-than the second behind something else."""
+_IN_VIEW, _SEEN_THROUGH = 0.7, 0.5
+"""Its place is in view without it where more of the object's surface than the first is in the
+image, and the depth image sees through more than the second of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,13 @@ class TrackerMemory:
     views: KeyframeMemory
     evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
+    likeness: float
+    """Of the surface and the category, at the last look: see `CategoryShape`."""
     place: PlaceMemory
     """Of the registration's model frame."""
     count: StateCount = field(default_factory=StateCount)
+    stands: bool = False
+    """What was found again is where the lost object stood, as far as that could be told."""
     seconds: float = 0.0
     """Since the start."""
     frames: int = 0
@@ -58,14 +62,14 @@ class TrackerMemory:
         self, frame: RgbdFrame, seconds: float, config: PlaceConfig, lost: bool
     ) -> TrackerMemory:
         """The object is in doubt; where it is lost, it stays in its place, if that is known, and
-        for how long that was in view is counted."""
+        for how long that was in view without it is counted."""
         place = self.place.after_loss(frame, seconds, config)
         if not lost or place.T_cam_obj is None:
             return replace(self, place=place)
         surface = self.surface_at(place.T_cam_obj)
         seen, _ = assess_surface(frame, place.T_cam_obj, surface.memory.surface)
-        if seen.in_image > _IN_VIEW and seen.occluded < _HIDDEN:
-            place = place.in_view(seconds, config)
+        if seen.in_image > _IN_VIEW and seen.contradicted > _SEEN_THROUGH:
+            place = place.in_view_without(seconds, config)
         return replace(self, place=place, surface=surface)
 
     def surface_at(self, T_cam_model: Float[np.ndarray, "4 4"]) -> Track:
