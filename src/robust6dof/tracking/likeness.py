@@ -1,31 +1,50 @@
-"""Is the surface that was seen one of the category? Who named the wrong one sees it here.
+"""Is what was seen one of the category, and does it stand so? Who names the wrong one sees it here.
 
-The network finds a pose in whatever it is shown, and agrees with itself ever after. The surface
-does not: held against the category's prior at the tracked pose and size, it lies off where the
-object is another thing, or stands otherwise than was thought.
+The network finds a pose in whatever it is shown, and agrees with itself ever after. The images do
+not: held against the category's prior at the tracked pose and size, the surface lies off, or the
+depth image sees through where the prior should be, if the object is another thing or stands
+otherwise than was thought.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-LARGEST_GAP: dict[str, float] = {}
-"""Gap at which a thing is as likely of the category as not (docs/online-tracking.md). Of other
-shapes it is not known how far their kind may lie from their prior."""
-_SOFTNESS = 0.002
+from robust6dof.frames import RgbdFrame
+from robust6dof.geometry.camera import project
+from robust6dof.geometry.transforms import transform_points
+from robust6dof.tracking.region import NEAREST_M, valid_depth
+
+LARGEST_STRANGENESS: dict[str, float] = {
+    "bottle": 1.5,
+    "bowl": 1.25,
+    "camera": 1.25,
+    "can": 1.65,
+    "laptop": 1.15,
+    "mug": 1.12,
+}
+"""Where a thing is as likely of the category, standing so, as not; by procedural shapes
+(docs/online-tracking.md). Of other categories it is not known how strange their things may be."""
+_SOFTNESS = 0.05
+_GAP, _THROUGH = 0.05, 0.6
+"""As strange as each other."""
 _FAR = 0.1
-"""Points farther away than this, as a share of the diagonal, count no more: they may be of other
-things."""
+"""Points farther off, as a share of the diagonal, count no more: they may be of other things."""
+_BEHIND = 0.06
+"""The depth image sees through a point if all it shows near there is farther by this share."""
+_NEAR_PX = 7
 _MOST_POINTS = 400
+_LEAST_POINTS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class CategoryShape:
-    """The mean shape of a category, against which surfaces are held.
+    """The mean shape of a category, against which what was seen is held.
 
     Args:
         prior: its points, canonical axes.
@@ -35,21 +54,56 @@ class CategoryShape:
     prior: Float[np.ndarray, "N 3"]
     category: str
 
-    def gap(self, points: Float[np.ndarray, "P 3"], extents: Float[np.ndarray, "3"]) -> float:
-        """Mean distance of a seen surface from the prior, as a share of the diagonal.
+    def likeness(
+        self,
+        frame: RgbdFrame,
+        T_cam_obj: Float[np.ndarray, "4 4"],
+        extents: Float[np.ndarray, "3"],
+        points: Float[np.ndarray, "P 3"],
+    ) -> float:
+        """Probability that the thing is of the category and stands so, 0 to 1; 1 where the
+        category has no limit.
 
         Args:
-            points: of the surface, in the object frame [m].
-            extents: of the object's box [m]; the prior is stretched to it.
+            frame: the image.
+            T_cam_obj: where the object is believed to be in it.
+            extents: of its box [m].
+            points: of its surface as seen so far, in the object frame [m].
         """
+        limit = LARGEST_STRANGENESS.get(self.category)
+        if limit is None:
+            return 1.0
+        through = self.seen_through(frame, T_cam_obj, extents)
+        strangeness = self.gap(points, extents) / _GAP + through / _THROUGH
+        return float(1.0 / (1.0 + np.exp((strangeness - limit) / _SOFTNESS)))
+
+    def gap(self, points: Float[np.ndarray, "P 3"], extents: Float[np.ndarray, "3"]) -> float:
+        """Mean distance of a surface from the prior, as a share of the diagonal."""
         points = points[:: max(1, len(points) // _MOST_POINTS)]
-        low, high = self.prior.min(axis=0), self.prior.max(axis=0)
-        shape = (self.prior - (low + high) / 2) / (high - low) * extents
-        away, _ = KDTree(shape).query(points)
+        away, _ = KDTree(self._stretched(extents)).query(points)
         return float(np.minimum(away / np.linalg.norm(extents), _FAR).mean())
 
-    def likeness(self, gap: float) -> float:
-        """Probability that a thing so far from the prior is of the category, 0 to 1; 1 where that
-        is not known."""
-        excess = (gap - LARGEST_GAP.get(self.category, np.inf)) / _SOFTNESS
-        return float(1.0 / (1.0 + np.exp(np.clip(excess, -50.0, 50.0))))
+    def seen_through(
+        self,
+        frame: RgbdFrame,
+        T_cam_obj: Float[np.ndarray, "4 4"],
+        extents: Float[np.ndarray, "3"],
+    ) -> float:
+        """Share of the prior's points behind which the depth image shows something, and nothing
+        before; 0 where it shows too little."""
+        points = transform_points(T_cam_obj, self._stretched(extents)[::2])
+        points = points[points[:, 2] > NEAREST_M]
+        x, y = np.rint(project(points, frame.K)).astype(int).T
+        inside = (x >= 0) & (y >= 0) & (x < frame.width) & (y < frame.height)
+        x, y, z = x[inside], y[inside], points[inside, 2]
+        known = valid_depth(frame)
+        depth = np.where(known, frame.depth, np.inf).astype(np.float32)
+        nearest = cv2.erode(depth, np.ones((_NEAR_PX, _NEAR_PX), np.uint8))
+        behind = nearest[y, x] - z > _BEHIND * float(np.linalg.norm(extents))
+        told = known[y, x]
+        return float(behind[told].mean()) if told.sum() >= _LEAST_POINTS else 0.0
+
+    def _stretched(self, extents: Float[np.ndarray, "3"]) -> Float[np.ndarray, "N 3"]:
+        """The prior in a box of these sides [m]."""
+        low, high = self.prior.min(axis=0), self.prior.max(axis=0)
+        return (self.prior - (low + high) / 2) / (high - low) * extents

@@ -135,7 +135,7 @@ class Tracker:
         sight = Sight(features, self._encoder.anchor(features, 0))
         symmetric = self._encoder.symmetric
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
-        likeness = self._likeness(surface, canonical, extents)
+        likeness = self._likeness(frame, surface, canonical, extents)
         confidence = self._confidence(surface, evidence, likeness)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
@@ -197,11 +197,12 @@ class Tracker:
         memory = replace(memory, surface=look.surface, evidence=None)
         if look.sight is None:
             return self._updated(track, frame, memory, None)
-        memory = self._judged(look.surface, look.sight, memory, learns=track.state in FOLLOWED)
+        learns = track.state in FOLLOWED
+        memory = self._judged(frame, look.surface, look.sight, memory, learns)
         return self._updated(track, frame, memory, look.sight.features)
 
     def _judged(
-        self, surface: Track, sight: Sight, memory: TrackerMemory, learns: bool
+        self, frame: RgbdFrame, surface: Track, sight: Sight, memory: TrackerMemory, learns: bool
     ) -> TrackerMemory:
         """With what the network's sight says for and against the pose, and of the object frame."""
         anchor = sight.anchor
@@ -211,7 +212,7 @@ class Tracker:
             memory = replace(memory, canonical=canonical)
         T_cam_obj, symmetric = memory.T_cam_obj(surface), self._encoder.symmetric
         evidence = look_evidence(anchor, T_cam_obj, memory.canonical.scale, symmetric)
-        likeness = self._likeness(surface, memory.canonical, memory.extents)
+        likeness = self._likeness(frame, surface, memory.canonical, memory.extents)
         return replace(memory, evidence=evidence, likeness=likeness)
 
     def _with_look(
@@ -229,10 +230,13 @@ class Tracker:
             seconds=seconds,
         )
 
-    def _likeness(self, surface: Track, canonical: CanonicalFrame, extents: np.ndarray) -> float:
+    def _likeness(
+        self, frame: RgbdFrame, surface: Track, canonical: CanonicalFrame, extents: np.ndarray
+    ) -> float:
         T_obj_model = invert_transform(canonical.T_model_obj)
         points = transform_points(T_obj_model, surface.memory.surface.cloud.points)
-        return self._shape.likeness(self._shape.gap(points, extents))
+        T_cam_obj = surface.T_cam_obj @ canonical.T_model_obj
+        return self._shape.likeness(frame, T_cam_obj, extents, points)
 
     def _confidence(self, surface: Track, evidence: np.ndarray | None, likeness: float) -> float:
         if evidence is None:

@@ -1,0 +1,81 @@
+"""Who tells the tracker the wrong category is not told that all is well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.tabletop_scene import Shot, look_at_object, make_tabletop
+from robust6dof.frames import CATEGORIES
+from robust6dof.geometry.camera import backproject
+from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
+from robust6dof.shapes.priors import load_prior
+from robust6dof.tracking.likeness import LARGEST_STRANGENESS, CategoryShape
+from robust6dof.tracking.tracker import Tracker
+
+SHAPES = {name: CategoryShape(load_prior(name), name) for name in CATEGORIES}
+EXTENTS = np.array([0.1, 0.2, 0.1])
+
+
+def shot(category: str, seed: int = 0) -> tuple[Shot, np.ndarray]:
+    scene = make_tabletop(category, seed, clutter=0)
+    made = scene.shoot(look_at_object(0.7, 0.7, 0.8), np.random.default_rng(0))
+    return made, scene.model.extents
+
+
+def aside(T_cam_obj: np.ndarray, metres: float) -> np.ndarray:
+    return make_transform(np.eye(3), np.array([metres, 0.0, 0.0])) @ T_cam_obj
+
+
+def test_a_surface_is_as_far_from_the_prior_as_it_was_moved() -> None:
+    prior = load_prior("can").astype(float)
+    low, high = prior.min(axis=0), prior.max(axis=0)
+    points = (prior - (low + high) / 2) / (high - low) * EXTENTS
+    top = points[points[:, 1] > 0.0999]
+    lifted = top + [0.0, 0.05 * np.linalg.norm(EXTENTS), 0.0]
+    assert SHAPES["can"].gap(points, EXTENTS) == pytest.approx(0.0, abs=1e-6)
+    assert SHAPES["can"].gap(lifted, EXTENTS) == pytest.approx(0.05, abs=1e-3)
+    assert SHAPES["can"].gap(3 * lifted, 3 * EXTENTS) == pytest.approx(0.05, abs=1e-3)
+    assert SHAPES["can"].gap(points + 9.0, EXTENTS) == pytest.approx(0.1)
+
+
+def test_what_the_image_shows_behind_the_prior_is_seen_through() -> None:
+    made, extents = shot("can")
+    shape, T_cam_obj = SHAPES["can"], made.T_cam_obj
+    assert shape.seen_through(made.frame, T_cam_obj, extents) < 0.1
+    off = aside(T_cam_obj, 0.6 * float(np.linalg.norm(extents)))
+    assert shape.seen_through(made.frame, off, extents) > 0.5
+
+
+def test_what_hides_the_object_and_what_has_no_depth_say_nothing() -> None:
+    made, extents = shot("can")
+    for depth in (0.3, 0.0, np.nan, np.inf):
+        frame = replace(made.frame, depth=np.full_like(made.frame.depth, depth))
+        assert SHAPES["can"].seen_through(frame, made.T_cam_obj, extents) == 0.0
+    behind = make_transform(np.eye(3), np.array([0.0, 0.0, -3.0])) @ made.T_cam_obj
+    assert SHAPES["can"].seen_through(made.frame, behind, extents) == 0.0
+
+
+@pytest.mark.parametrize("category", CATEGORIES)
+def test_things_of_the_category_are_like_it(category: str) -> None:
+    for seed in range(4):
+        made, extents = shot(category, seed)
+        points, _ = backproject(made.frame.depth, made.frame.K, made.mask)
+        points = transform_points(invert_transform(made.T_cam_obj), points)
+        assert SHAPES[category].likeness(made.frame, made.T_cam_obj, extents, points) > 0.6
+
+
+def test_other_priors_than_those_of_the_categories_have_no_limit() -> None:
+    made, extents = shot("can")
+    shape = CategoryShape(load_prior("laptop"), "kettle")
+    assert shape.likeness(made.frame, made.T_cam_obj, extents, np.zeros((9, 3))) == 1.0
+
+
+@pytest.mark.parametrize("told", ["bottle", "camera", "can", "mug"])
+def test_a_laptop_told_to_be_another_thing_is_not_believed(told: str) -> None:
+    made, _ = shot("laptop")
+    for name, sure in (("laptop", True), (told, False)):
+        tracker = Tracker.from_pretrained(category=name, device="cpu")
+        track = tracker.start(made.frame, mask=made.mask)
+        assert (track.confidence >= 0.5) is sure
+    assert set(LARGEST_STRANGENESS) == set(CATEGORIES)
