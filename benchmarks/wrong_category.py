@@ -24,8 +24,11 @@ from robust6dof.data import read_video
 from robust6dof.data.truth_file import FILE_NAME, read_truth_file
 from robust6dof.errors import InputError
 from robust6dof.evaluation.start_noise import perturb
-from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES
+from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES, RgbdFrame, Track
+from robust6dof.geometry.transforms import invert_transform, transform_points
+from robust6dof.shapes.priors import load_prior
 from robust6dof.tracking.disagreement import Disagreement
+from robust6dof.tracking.likeness import CategoryShape
 from robust6dof.tracking.tracker import Tracker
 
 HINTS = ("mask", "pose")
@@ -43,6 +46,8 @@ class Trial:
     rotation_deg: float
     translation_cm: float
     confidence: float
+    strangeness: float
+    """Of the last frame: see `robust6dof.tracking.likeness`."""
 
     @property
     def outcome(self) -> str:
@@ -63,7 +68,7 @@ def trials(folder: Path, trackers: dict[str, Tracker], frames: int) -> Iterator[
             try:
                 track = tracker.start(video[0], **start_from(hint, video, truths[0], seed))
             except InputError:
-                yield Trial(folder.name, hint, true, told, np.inf, np.inf, 0.0)
+                yield Trial(folder.name, hint, true, told, np.inf, np.inf, 0.0, np.nan)
                 continue
             for index in range(1, last + 1):
                 track = tracker.step(track, video[index])
@@ -72,7 +77,16 @@ def trials(folder: Path, trackers: dict[str, Tracker], frames: int) -> Iterator[
             T_cam_obj = truth.T_cam_obj
             apart = Disagreement.between(track.T_cam_obj, 1.0, T_cam_obj, 1.0, symmetric)
             errors = float(np.rad2deg(apart.rotation)), 100.0 * apart.translation
-            yield Trial(folder.name, hint, true, told, *errors, track.confidence)
+            strange = strangeness(video[last], track)
+            yield Trial(folder.name, hint, true, told, *errors, track.confidence, strange)
+
+
+def strangeness(frame: RgbdFrame, track: Track) -> float:
+    """Of what was seen, were it of the category that was told."""
+    memory, shape = track.memory, CategoryShape(load_prior(track.category), track.category)
+    surface = memory.surface.memory.surface.cloud.points
+    points = transform_points(invert_transform(memory.canonical.T_model_obj), surface)
+    return shape.strangeness(frame, track.T_cam_obj, track.extents, points)
 
 
 def start_from(hint: str, video: Any, truth: Any, seed: int) -> dict[str, Any]:
@@ -99,6 +113,26 @@ def table(done: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
+def strangeness_table(done: Sequence[Trial]) -> str:
+    """Of the right category placed rightly, and of whatever was placed wrongly."""
+    lines = ["| told | right: median | 95 % | highest | wrong: lowest | 5 % | median |"]
+    lines.append("|---" * 7 + "|")
+    for told in CATEGORIES:
+        some = [t for t in done if t.told == told and t.outcome != "refused"]
+        right = [t.strangeness for t in some if t.true == told and t.outcome.startswith("right")]
+        wrong = [t.strangeness for t in some if t.outcome.startswith("wrong")]
+        cells = [*quantiles(right, [50, 95, 100]), *quantiles(wrong, [0, 5, 50])]
+        lines.append(f"| {told} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def quantiles(values: list[float], percents: list[float]) -> list[str]:
+    """Two digits each; dashes where there is none."""
+    if not values:
+        return ["–"] * len(percents)
+    return [f"{value:.2f}" for value in np.percentile(values, percents)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Tell the tracker wrong categories")
     parser.add_argument("sets", type=Path, nargs="+")
@@ -114,6 +148,8 @@ def main() -> None:
         if options.out:
             options.out.write_text(json.dumps([asdict(trial) for trial in done], indent=1))
     print(table(done))
+    print()
+    print(strangeness_table(done))
 
 
 if __name__ == "__main__":

@@ -118,7 +118,8 @@ class Tracker:
         initial = find_initial_pose(
             frame, self.category, mask=mask, box=box, T_cam_obj=T_cam_obj, extents=extents
         )
-        doubt = self.config.given_doubt if T_cam_obj is not None else self.config.estimated_doubt
+        given = T_cam_obj is not None
+        doubt = self.config.given_doubt if given else self.config.estimated_doubt
         scale = float(np.linalg.norm(initial.extents))
         shape = initial.extents / scale
         canonical = CanonicalFrame.at_start(scale, doubt, self.config.canonical)
@@ -135,7 +136,7 @@ class Tracker:
         sight = Sight(features, self._encoder.anchor(features, 0))
         symmetric = self._encoder.symmetric
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
-        likeness = self._likeness(frame, surface, canonical, extents)
+        likeness = None if given else self._likeness(frame, surface, canonical, extents)
         confidence = self._confidence(surface, evidence, likeness)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
@@ -212,8 +213,11 @@ class Tracker:
             memory = replace(memory, canonical=canonical)
         T_cam_obj, symmetric = memory.T_cam_obj(surface), self._encoder.symmetric
         evidence = look_evidence(anchor, T_cam_obj, memory.canonical.scale, symmetric)
+        memory = replace(memory, evidence=evidence)
+        if memory.likeness is None:
+            return memory
         likeness = self._likeness(frame, surface, memory.canonical, memory.extents)
-        return replace(memory, evidence=evidence, likeness=likeness)
+        return replace(memory, likeness=likeness)
 
     def _with_look(
         self,
@@ -238,11 +242,14 @@ class Tracker:
         T_cam_obj = surface.T_cam_obj @ canonical.T_model_obj
         return self._shape.likeness(frame, T_cam_obj, extents, points)
 
-    def _confidence(self, surface: Track, evidence: np.ndarray | None, likeness: float) -> float:
+    def _confidence(
+        self, surface: Track, evidence: np.ndarray | None, likeness: float | None
+    ) -> float:
         if evidence is None:
             return 0.0
         registered = self.config.surface_share * surface.confidence
-        return min(self.config.confidence(evidence), registered, likeness)
+        likely = 1.0 if likeness is None else likeness
+        return min(self.config.confidence(evidence), registered, likely)
 
     def _updated(
         self,

@@ -34,8 +34,9 @@ class TrackerMemory:
     views: KeyframeMemory
     evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
-    likeness: float
-    """Of the surface and the category, at the last look: see `CategoryShape`."""
+    likeness: float | None
+    """Of the surface and the category, at the last look: see `CategoryShape`. None where the start
+    pose was given: then it does not hang on the category's shape."""
     place: PlaceMemory
     """Of the registration's model frame."""
     count: StateCount = field(default_factory=StateCount)
