@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baselines.tabletop_scene import Shot, look_at_object, make_tabletop
 from robust6dof.frames import CATEGORIES
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
 from robust6dof.shapes.priors import load_prior
-from robust6dof.tracking.likeness import LARGEST_STRANGENESS, CategoryShape
+from robust6dof.tracking.likeness import LARGEST_STRANGENESS, CategoryShape, stands_as_given
 from robust6dof.tracking.tracker import Tracker
 
 SHAPES = {name: CategoryShape(load_prior(name), name) for name in CATEGORIES}
@@ -79,3 +80,38 @@ def test_a_laptop_told_to_be_another_thing_is_not_believed(told: str) -> None:
         track = tracker.start(made.frame, mask=made.mask)
         assert (track.confidence >= 0.5) is sure
     assert set(LARGEST_STRANGENESS) == set(CATEGORIES)
+
+
+@pytest.mark.parametrize(
+    ("axis", "degrees", "metres", "symmetric", "stands"),
+    [
+        ("z", 9.0, 0.04, False, True),
+        ("z", 11.0, 0.0, False, False),
+        ("y", 11.0, 0.0, False, False),
+        ("y", 120.0, 0.0, True, True),
+        ("z", 11.0, 0.0, True, False),
+        ("z", 0.0, 0.06, True, False),
+    ],
+)
+def test_a_frame_stands_as_given_within_10_degrees_and_5_cm(
+    axis: str, degrees: float, metres: float, symmetric: bool, stands: bool
+) -> None:
+    turn = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+    given = make_transform(Rotation.from_euler("xyz", [1, 2, 3]).as_matrix(), np.ones(3))
+    T_model_obj = given @ make_transform(turn, np.array([0.0, metres, 0.0]))
+    assert stands_as_given(T_model_obj, given, symmetric) is stands
+
+
+def test_a_given_pose_is_doubted_only_where_the_network_has_left_it() -> None:
+    made, extents = shot("laptop")
+    tracker = Tracker.from_pretrained(category="can", device="cpu")
+    track = tracker.start(made.frame, T_cam_obj=made.T_cam_obj, extents=extents)
+    surface, canonical = track.memory.surface, track.memory.canonical
+    here = np.eye(4)
+    shifted = make_transform(np.eye(3), np.array([0.0, 0.2, 0.0]))
+    stays, left, estimated = (
+        tracker._likeness(made.frame, surface, canonical, extents, T_model_given)
+        for T_model_given in (here, shifted, None)
+    )
+    assert stays == 1.0
+    assert left == estimated < 0.5

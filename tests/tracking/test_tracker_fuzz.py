@@ -124,7 +124,7 @@ def play(crew: str, episodes: list[Episode]) -> int:
     return index - 4
 
 
-MANY = 260
+MANY = 150
 COMMON: dict[str, Any] = {
     "deadline": None,
     "derandomize": True,

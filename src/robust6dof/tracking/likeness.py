@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 from robust6dof.frames import RgbdFrame
 from robust6dof.geometry.camera import project
 from robust6dof.geometry.transforms import transform_points
+from robust6dof.tracking.disagreement import Disagreement
 from robust6dof.tracking.region import NEAREST_M, valid_depth
 
 LARGEST_STRANGENESS: dict[str, float] = {
@@ -40,8 +41,20 @@ _FAR = 0.1
 _BEHIND = 0.06
 """The depth image sees through a point if all it shows near there is farther by this share."""
 _NEAR_PX = 7
+_GIVEN_ROTATION, _GIVEN_TRANSLATION = np.deg2rad(10.0), 0.05
 _MOST_POINTS = 400
 _LEAST_POINTS = 50
+
+
+def stands_as_given(
+    T_model_obj: Float[np.ndarray, "4 4"],
+    T_model_given: Float[np.ndarray, "4 4"],
+    symmetric: bool,
+) -> bool:
+    """Is the object frame still about where a person said it is (10°, 5 cm)? Then the pose does
+    not hang on the category."""
+    apart = Disagreement.between(T_model_obj, 1.0, T_model_given, 1.0, symmetric)
+    return bool(apart.rotation < _GIVEN_ROTATION and apart.translation < _GIVEN_TRANSLATION)
 
 
 @dataclass(frozen=True, eq=False)

@@ -175,6 +175,7 @@ class Motion:
 def seconds_between(old: float | None, new: float | None, longest: float = 10.0) -> float:
     """Time between two stamps; one period at 30 Hz where stamps are missing, out of order, or
     `longest` apart, over which no motion can be predicted."""
-    if old is None or new is None or not 0.0 < new - old < longest:
+    if old is None or new is None or not np.isfinite([old, new]).all():
         return _NOMINAL_PERIOD
-    return float(new - old)
+    seconds = float(new - old)
+    return seconds if 0.0 < seconds < longest else _NOMINAL_PERIOD

@@ -27,7 +27,7 @@ from robust6dof.tracking.encoder import ViewEncoder, ViewRequest, encode_alone
 from robust6dof.tracking.first_look import look_around
 from robust6dof.tracking.initialisation import find_initial_pose
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
-from robust6dof.tracking.likeness import CategoryShape
+from robust6dof.tracking.likeness import CategoryShape, stands_as_given
 from robust6dof.tracking.look import Look, Sight, look_request
 from robust6dof.tracking.motion import seconds_between
 from robust6dof.tracking.place import PlaceMemory
@@ -136,12 +136,15 @@ class Tracker:
         sight = Sight(features, self._encoder.anchor(features, 0))
         symmetric = self._encoder.symmetric
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
-        likeness = None if given else self._likeness(frame, surface, canonical, extents)
+        T_model_given = invert_transform(T_cam_obj) @ initial.T_cam_obj if given else None
+        likeness = self._likeness(frame, surface, canonical, extents, T_model_given)
         confidence = self._confidence(surface, evidence, likeness)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
         place = PlaceMemory().after_sight(frame, surface.T_cam_obj, False, self.config.place)
-        memory = TrackerMemory(surface, canonical, shape, first, views, evidence, likeness, place)
+        memory = TrackerMemory(
+            surface, canonical, shape, first, views, evidence, likeness, T_model_given, place
+        )
         return Track(
             T_cam_obj=T_cam_obj,
             extents=extents,
@@ -213,11 +216,10 @@ class Tracker:
             memory = replace(memory, canonical=canonical)
         T_cam_obj, symmetric = memory.T_cam_obj(surface), self._encoder.symmetric
         evidence = look_evidence(anchor, T_cam_obj, memory.canonical.scale, symmetric)
-        memory = replace(memory, evidence=evidence)
-        if memory.likeness is None:
-            return memory
-        likeness = self._likeness(frame, surface, memory.canonical, memory.extents)
-        return replace(memory, likeness=likeness)
+        likeness = self._likeness(
+            frame, surface, memory.canonical, memory.extents, memory.T_model_given
+        )
+        return replace(memory, evidence=evidence, likeness=likeness)
 
     def _with_look(
         self,
@@ -235,21 +237,28 @@ class Tracker:
         )
 
     def _likeness(
-        self, frame: RgbdFrame, surface: Track, canonical: CanonicalFrame, extents: np.ndarray
+        self,
+        frame: RgbdFrame,
+        surface: Track,
+        canonical: CanonicalFrame,
+        extents: np.ndarray,
+        T_model_given: np.ndarray | None,
     ) -> float:
+        symmetric = self._encoder.symmetric
+        if T_model_given is not None and stands_as_given(
+            canonical.T_model_obj, T_model_given, symmetric
+        ):
+            return 1.0
         T_obj_model = invert_transform(canonical.T_model_obj)
         points = transform_points(T_obj_model, surface.memory.surface.cloud.points)
         T_cam_obj = surface.T_cam_obj @ canonical.T_model_obj
         return self._shape.likeness(frame, T_cam_obj, extents, points)
 
-    def _confidence(
-        self, surface: Track, evidence: np.ndarray | None, likeness: float | None
-    ) -> float:
+    def _confidence(self, surface: Track, evidence: np.ndarray | None, likeness: float) -> float:
         if evidence is None:
             return 0.0
         registered = self.config.surface_share * surface.confidence
-        likely = 1.0 if likeness is None else likeness
-        return min(self.config.confidence(evidence), registered, likely)
+        return min(self.config.confidence(evidence), registered, likeness)
 
     def _updated(
         self,

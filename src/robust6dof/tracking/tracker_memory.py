@@ -34,9 +34,11 @@ class TrackerMemory:
     views: KeyframeMemory
     evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
-    likeness: float | None
-    """Of the surface and the category, at the last look: see `CategoryShape`. None where the start
-    pose was given: then it does not hang on the category's shape."""
+    likeness: float
+    """Of the surface and the category, at the last look: see `CategoryShape`. 1 while the object
+    frame is about where it was given."""
+    T_model_given: Float[np.ndarray, "4 4"] | None
+    """The object frame as it was given; None where the start was estimated."""
     place: PlaceMemory
     """Of the registration's model frame."""
     count: StateCount = field(default_factory=StateCount)
