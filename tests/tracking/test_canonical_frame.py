@@ -153,17 +153,26 @@ def test_a_rigid_motion_of_the_camera_changes_nothing() -> None:
     assert np.allclose(invert_transform(seen[0].T_model_obj) @ seen[0].T_model_obj, np.eye(4))
 
 
-def at_far_start(doubt: Doubt) -> CanonicalFrame:
-    """One look at an object that stands 12 cm from where the start, off by 3 cm, says."""
+def at_far_start(doubt: Doubt, size: float = 1.0) -> CanonicalFrame:
+    """One look at an object that stands 12 cm from where the start, off by 3 cm, says; it seems
+    to be so many times larger."""
     T_far = make_transform(np.eye(3), np.array([0.12, 0.0, 0.0]))
     T_cam_model = camera_at(0.0)
     return CanonicalFrame.at_start(SCALE, doubt).with_look(
-        T_cam_model, T_cam_model @ T_far, SCALE, symmetric=False, seconds=0.0
+        T_cam_model, T_cam_model @ T_far, size * SCALE, symmetric=False, seconds=0.0
     )
 
 
 def test_a_start_far_from_the_first_look_is_given_up() -> None:
-    assert at_far_start(ROUGH_START).T_model_obj[0, 3] > 0.11
+    for size in (0.75, 1.0, 1.3):
+        assert at_far_start(ROUGH_START, size).T_model_obj[0, 3] > 0.11
+
+
+@pytest.mark.parametrize("size", [0.5, 0.65, 1.5, 2.0])
+def test_a_first_look_of_quite_another_size_is_not_begun_from(size: float) -> None:
+    frame = at_far_start(ROUGH_START, size)
+    assert frame.T_model_obj[0, 3] < 0.02
+    assert frame.scale == pytest.approx(SCALE, rel=0.1)
 
 
 def test_a_start_beyond_doubt_stays() -> None:

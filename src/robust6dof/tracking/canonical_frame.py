@@ -64,6 +64,9 @@ class CanonicalFrameConfig:
     """By how much old opinions lose certainty: the surface may slip on the object [rad/s], …"""
     slip_translation: float = 0.001
     """… [m/s]"""
+    first_scale: float = 3.0
+    """A first look whose size is more standard deviations off the start's is not begun from: it
+    took in what stands beside the object, or nothing like it was ever seen."""
     robust: float = 2.0
     """A side's opinion that is as many standard deviations off counts a quarter."""
 
@@ -132,10 +135,14 @@ class CanonicalFrame:
         looks = 1 if self.sides else self.config.first_looks
         look = Opinion(T_seen, scale, view_direction(T_cam_model), seconds, looks)
         frame = replace(self, sides=self._sides_with(look))
-        if not self.sides and not self.certain:
+        if not self.sides and self._sized_like_start(scale):
             # A start far from the first look is wrong more often than the look: begin from there.
             frame = replace(frame, T_model_obj=T_seen, scale=scale)
         return frame._solved(seconds)
+
+    def _sized_like_start(self, scale: float) -> bool:
+        off = abs(float(np.log(scale / self.start.scale)))
+        return off < self.config.first_scale * self.doubt.scale
 
     @property
     def certain(self) -> bool:

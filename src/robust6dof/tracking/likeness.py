@@ -30,7 +30,8 @@ LARGEST_STRANGENESS: dict[str, float] = {
     "mug": 1.12,
 }
 """Where a thing is as likely of the category, standing so, as not; by procedural shapes
-(`benchmarks/wrong_category.py`). Of other categories it is not known how strange things may be."""
+(`benchmarks/wrong_category.py`), the camera's widened after scanned ones were doubted. Of other
+categories it is not known how strange things may be."""
 _SOFTNESS = 0.05
 _OF_STRANGE_ONES = 0.3
 """Share of the strange ones that are placed rightly all the same, about."""
