@@ -46,6 +46,7 @@ class Trial:
     rotation_deg: float
     translation_cm: float
     confidence: float
+    state: str
     strangeness: float
     """Of the last frame: see `robust6dof.tracking.likeness`."""
 
@@ -68,7 +69,7 @@ def trials(folder: Path, trackers: dict[str, Tracker], frames: int) -> Iterator[
             try:
                 track = tracker.start(video[0], **start_from(hint, video, truths[0], seed))
             except InputError:
-                yield Trial(folder.name, hint, true, told, np.inf, np.inf, 0.0, np.nan)
+                yield Trial(folder.name, hint, true, told, np.inf, np.inf, 0.0, "", np.nan)
                 continue
             for index in range(1, last + 1):
                 track = tracker.step(track, video[index])
@@ -78,7 +79,8 @@ def trials(folder: Path, trackers: dict[str, Tracker], frames: int) -> Iterator[
             apart = Disagreement.between(track.T_cam_obj, 1.0, T_cam_obj, 1.0, symmetric)
             errors = float(np.rad2deg(apart.rotation)), 100.0 * apart.translation
             strange = strangeness(video[last], track)
-            yield Trial(folder.name, hint, true, told, *errors, track.confidence, strange)
+            state = track.state.value
+            yield Trial(folder.name, hint, true, told, *errors, track.confidence, state, strange)
 
 
 def strangeness(frame: RgbdFrame, track: Track) -> float:

@@ -59,10 +59,19 @@ def test_after_a_gap_it_is_not_believed_at_once(found: list[Track]) -> None:
 
 
 def test_nothing_is_learned_from_it_before(followed: Track, found: list[Track]) -> None:
-    first, last = found[0].memory, found[PATIENCE - 2].memory
-    assert last.views is first.views
-    assert last.canonical is first.canonical
-    assert len(last.surface.memory.surface) == len(first.surface.memory.surface)
+    before, last = followed.memory, found[PATIENCE - 2].memory
+    assert last.views is before.views
+    assert last.canonical is before.canonical
+    assert len(last.surface.memory.surface) == len(before.surface.memory.surface)
+
+
+def test_a_gap_in_the_doubt_begins_it_again(tracker: Tracker, found: list[Track]) -> None:
+    track = found[PATIENCE - 2]
+    assert track.memory.count.good == PATIENCE - 1
+    (frame,) = frames(AWAY, 1, float(track.stamp or 0.0) + 5.0)
+    track = tracker.step(track, frame)
+    assert track.state is TrackState.RECOVERING
+    assert track.memory.count.good == 1
 
 
 def test_of_where_it_stood_nothing_is_kept(followed: Track, found: list[Track]) -> None:

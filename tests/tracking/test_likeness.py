@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baselines.tabletop_scene import Shot, look_at_object, make_tabletop
-from robust6dof.frames import CATEGORIES
+from robust6dof.frames import CATEGORIES, RgbdFrame, Track
 from robust6dof.geometry.camera import backproject
 from robust6dof.geometry.transforms import invert_transform, make_transform, transform_points
 from robust6dof.shapes.priors import load_prior
@@ -106,6 +106,9 @@ def test_a_given_pose_is_doubted_only_where_the_network_has_left_it() -> None:
     made, extents = shot("laptop")
     tracker = Tracker.from_pretrained(category="can", device="cpu")
     track = tracker.start(made.frame, T_cam_obj=made.T_cam_obj, extents=extents)
+    assert track.memory.T_model_given is not None
+    given = track.T_cam_obj @ track.memory.T_model_given
+    np.testing.assert_allclose(given, made.T_cam_obj, atol=1e-9)
     surface, canonical = track.memory.surface, track.memory.canonical
     here = np.eye(4)
     shifted = make_transform(np.eye(3), np.array([0.0, 0.2, 0.0]))
@@ -115,3 +118,33 @@ def test_a_given_pose_is_doubted_only_where_the_network_has_left_it() -> None:
     )
     assert stays == 1.0
     assert left == estimated < 0.5
+
+
+def test_what_looks_strange_is_followed_and_found_again_and_never_believed() -> None:
+    scene = make_tabletop("laptop", 0, clutter=0)
+    tracker = Tracker.from_pretrained(category="can", device="cpu")
+    tracks: list[Track] = []
+    for index in range(12):
+        T_cam_world = look_at_object(0.7 + 0.01 * index, 0.7, 0.8)
+        made = scene.shoot(T_cam_world, np.random.default_rng(index), stamp=index / 30)
+        frame = dark(made.frame) if 4 <= index < 8 else made.frame
+        first = not tracks
+        track = tracker.start(frame, mask=made.mask) if first else tracker.step(tracks[-1], frame)
+        tracks.append(track)
+    states = [track.state.value for track in tracks]
+    assert states[:4] == ["tracking"] * 4
+    assert states[7] == "lost"
+    assert tracks[7].confidence == 0.0
+    assert states[8:] == ["recovering", "recovering", "tracking", "tracking"]
+    assert max(track.confidence for track in tracks) < 0.5
+
+
+def dark(frame: RgbdFrame) -> RgbdFrame:
+    """No light and no depth."""
+    return replace(frame, rgb=np.zeros_like(frame.rgb), depth=np.zeros_like(frame.depth))
+
+
+def test_no_surface_and_points_that_are_none_are_not_strange() -> None:
+    made, extents = shot("can")
+    for points in (np.zeros((0, 3)), np.full((9, 3), np.nan)):
+        assert SHAPES["can"].likeness(made.frame, made.T_cam_obj, extents, points) > 0.9

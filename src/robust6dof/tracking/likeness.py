@@ -41,7 +41,8 @@ _FAR = 0.1
 """Points farther off, as a share of the diagonal, count no more: they may be of other things."""
 _BEHIND = 0.06
 """The depth image sees through a point if all it shows near there is farther by this share."""
-_NEAR_PX = 7
+_NEAR = 3 / 615
+"""Points so far to each side are near, as a share of the focal length."""
 _GIVEN_ROTATION, _GIVEN_TRANSLATION = np.deg2rad(10.0), 0.05
 _MOST_POINTS = 400
 _LEAST_POINTS = 50
@@ -105,7 +106,10 @@ class CategoryShape:
         return self.gap(points, extents) / _GAP + through / _THROUGH
 
     def gap(self, points: Float[np.ndarray, "P 3"], extents: Float[np.ndarray, "3"]) -> float:
-        """Mean distance of a surface from the prior, as a share of the diagonal."""
+        """Mean distance of a surface from the prior, as a share of the diagonal; 0 of none."""
+        points = points[np.isfinite(points).all(axis=-1)]
+        if not len(points):
+            return 0.0
         points = points[:: max(1, len(points) // _MOST_POINTS)]
         away, _ = KDTree(self._stretched(extents)).query(points)
         return float(np.minimum(away / np.linalg.norm(extents), _FAR).mean())
@@ -125,7 +129,8 @@ class CategoryShape:
         x, y, z = x[inside], y[inside], points[inside, 2]
         known = valid_depth(frame)
         depth = np.where(known, frame.depth, np.inf).astype(np.float32)
-        nearest = cv2.erode(depth, np.ones((_NEAR_PX, _NEAR_PX), np.uint8))
+        aside = max(1, round(_NEAR * frame.K[0, 0]))
+        nearest = cv2.erode(depth, np.ones((2 * aside + 1, 2 * aside + 1), np.uint8))
         behind = nearest[y, x] - z > _BEHIND * float(np.linalg.norm(extents))
         told = known[y, x]
         return float(behind[told].mean()) if told.sum() >= _LEAST_POINTS else 0.0

@@ -138,7 +138,7 @@ class Tracker:
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
         T_model_given = invert_transform(T_cam_obj) @ initial.T_cam_obj if given else None
         likeness = self._likeness(frame, surface, canonical, extents, T_model_given)
-        confidence = self._confidence(surface, evidence, likeness)
+        confidence = self._confidence(surface, evidence)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
         place = PlaceMemory().after_sight(frame, surface.T_cam_obj, False, self.config.place)
@@ -148,7 +148,7 @@ class Tracker:
         return Track(
             T_cam_obj=T_cam_obj,
             extents=extents,
-            confidence=confidence,
+            confidence=min(confidence, likeness),
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
@@ -168,6 +168,8 @@ class Tracker:
         jumped = seconds > self.config.jump_s
         sure = track.state is TrackState.TRACKING and not jumped
         lost = self.config.recover and (track.state is TrackState.LOST or jumped)
+        if jumped and track.state is TrackState.RECOVERING:
+            memory = replace(memory, count=StateCount(), stands=False)
         if self.config.recover and not sure:
             held = lost and track.state is not TrackState.RECOVERING
             memory = memory.following_place(frame, seconds, self.config.place, held)
@@ -254,11 +256,13 @@ class Tracker:
         T_cam_obj = surface.T_cam_obj @ canonical.T_model_obj
         return self._shape.likeness(frame, T_cam_obj, extents, points)
 
-    def _confidence(self, surface: Track, evidence: np.ndarray | None, likeness: float) -> float:
+    def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
+        """That the object is followed. What looks strange can be followed all the same, so its
+        likeness counts in what is claimed alone."""
         if evidence is None:
             return 0.0
         registered = self.config.surface_share * surface.confidence
-        return min(self.config.confidence(evidence), registered, likeness)
+        return min(self.config.confidence(evidence), registered)
 
     def _updated(
         self,
@@ -267,7 +271,7 @@ class Tracker:
         memory: TrackerMemory,
         features: ViewFeatures | None,
     ) -> Track:
-        confidence = self._confidence(memory.surface, memory.evidence, memory.likeness)
+        confidence = self._confidence(memory.surface, memory.evidence)
         T_cam_obj = memory.T_cam_obj(memory.surface)
         count = memory.count.after(confidence, self.config.states)
         memory = replace(memory, count=count)
@@ -286,7 +290,7 @@ class Tracker:
             track,
             T_cam_obj=T_cam_obj,
             extents=memory.extents,
-            confidence=confidence,
+            confidence=0.0 if state is TrackState.LOST else min(confidence, memory.likeness),
             state=state,
             stamp=frame.stamp,
             memory=memory,
