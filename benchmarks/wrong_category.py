@@ -25,7 +25,6 @@ from robust6dof.data.truth_file import FILE_NAME, read_truth_file
 from robust6dof.errors import InputError
 from robust6dof.evaluation.start_noise import perturb
 from robust6dof.frames import CATEGORIES, SYMMETRIC_CATEGORIES, RgbdFrame, Track
-from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.shapes.priors import load_prior
 from robust6dof.tracking.disagreement import Disagreement
 from robust6dof.tracking.likeness import CategoryShape
@@ -85,9 +84,8 @@ def trials(folder: Path, trackers: dict[str, Tracker], frames: int) -> Iterator[
 
 def strangeness(frame: RgbdFrame, track: Track) -> float:
     """Of what was seen, were it of the category that was told."""
-    memory, shape = track.memory, CategoryShape(load_prior(track.category), track.category)
-    surface = memory.surface.memory.surface.cloud.points
-    points = transform_points(invert_transform(memory.canonical.T_model_obj), surface)
+    shape = CategoryShape(load_prior(track.category), track.category)
+    points = track.memory.seen_points
     return shape.strangeness(frame, track.T_cam_obj, track.extents, points)
 
 

@@ -109,11 +109,10 @@ def test_a_given_pose_is_doubted_only_where_the_network_has_left_it() -> None:
     assert track.memory.T_model_given is not None
     given = track.T_cam_obj @ track.memory.T_model_given
     np.testing.assert_allclose(given, made.T_cam_obj, atol=1e-9)
-    surface, canonical = track.memory.surface, track.memory.canonical
     here = np.eye(4)
     shifted = make_transform(np.eye(3), np.array([0.0, 0.2, 0.0]))
     stays, left, estimated = (
-        tracker._likeness(made.frame, surface, canonical, extents, T_model_given)
+        tracker._likeness(made.frame, replace(track.memory, T_model_given=T_model_given))
         for T_model_given in (here, shifted, None)
     )
     assert stays == 1.0

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robust6dof.frames import Box, RgbdFrame, Track, TrackState
-from robust6dof.geometry.transforms import invert_transform, transform_points
+from robust6dof.geometry.transforms import invert_transform
 from robust6dof.network.inputs import ViewFeatures
 from robust6dof.solver.absolute import AbsoluteFit
 from robust6dof.tracking.canonical_frame import CanonicalFrame
@@ -137,18 +137,18 @@ class Tracker:
         symmetric = self._encoder.symmetric
         evidence = look_evidence(sight.anchor, T_cam_obj, canonical.scale, symmetric)
         T_model_given = invert_transform(T_cam_obj) @ initial.T_cam_obj if given else None
-        likeness = self._likeness(frame, surface, canonical, extents, T_model_given)
         confidence = self._confidence(surface, evidence)
         first = Keyframe(features, T_cam_obj, confidence)
         views = KeyframeMemory((first,), self.config.memory_capacity)
         place = PlaceMemory().after_sight(frame, surface.T_cam_obj, False, self.config.place)
         memory = TrackerMemory(
-            surface, canonical, shape, first, views, evidence, likeness, T_model_given, place
+            surface, canonical, shape, first, views, evidence, T_model_given, place
         )
+        memory = replace(memory, likeness=self._likeness(frame, memory))
         return Track(
             T_cam_obj=T_cam_obj,
             extents=extents,
-            confidence=min(confidence, likeness),
+            confidence=min(confidence, memory.likeness),
             state=TrackState.TRACKING,
             category=self.category,
             stamp=frame.stamp,
@@ -218,10 +218,7 @@ class Tracker:
             memory = replace(memory, canonical=canonical)
         T_cam_obj, symmetric = memory.T_cam_obj(surface), self._encoder.symmetric
         evidence = look_evidence(anchor, T_cam_obj, memory.canonical.scale, symmetric)
-        likeness = self._likeness(
-            frame, surface, memory.canonical, memory.extents, memory.T_model_given
-        )
-        return replace(memory, evidence=evidence, likeness=likeness)
+        return replace(memory, evidence=evidence, likeness=self._likeness(frame, memory))
 
     def _with_look(
         self,
@@ -238,23 +235,13 @@ class Tracker:
             seconds=seconds,
         )
 
-    def _likeness(
-        self,
-        frame: RgbdFrame,
-        surface: Track,
-        canonical: CanonicalFrame,
-        extents: np.ndarray,
-        T_model_given: np.ndarray | None,
-    ) -> float:
+    def _likeness(self, frame: RgbdFrame, memory: TrackerMemory) -> float:
+        T_model_obj, T_model_given = memory.canonical.T_model_obj, memory.T_model_given
         symmetric = self._encoder.symmetric
-        if T_model_given is not None and stands_as_given(
-            canonical.T_model_obj, T_model_given, symmetric
-        ):
+        if T_model_given is not None and stands_as_given(T_model_obj, T_model_given, symmetric):
             return 1.0
-        T_obj_model = invert_transform(canonical.T_model_obj)
-        points = transform_points(T_obj_model, surface.memory.surface.cloud.points)
-        T_cam_obj = surface.T_cam_obj @ canonical.T_model_obj
-        return self._shape.likeness(frame, T_cam_obj, extents, points)
+        T_cam_obj = memory.T_cam_obj(memory.surface)
+        return self._shape.likeness(frame, T_cam_obj, memory.extents, memory.seen_points)
 
     def _confidence(self, surface: Track, evidence: np.ndarray | None) -> float:
         """That the object is followed. What looks strange can be followed all the same, so its

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robust6dof.frames import RgbdFrame, Track
-from robust6dof.geometry.transforms import invert_transform
+from robust6dof.geometry.transforms import invert_transform, transform_points
 from robust6dof.tracking.canonical_frame import CanonicalFrame
 from robust6dof.tracking.keyframes import Keyframe, KeyframeMemory
 from robust6dof.tracking.motion import Motion
@@ -34,13 +34,13 @@ class TrackerMemory:
     views: KeyframeMemory
     evidence: Float[np.ndarray, "3"] | None
     """Of the last look; None where there was nothing to look at."""
-    likeness: float
-    """Of the surface and the category, at the last look: see `CategoryShape`. 1 while the object
-    frame is about where it was given."""
     T_model_given: Float[np.ndarray, "4 4"] | None
     """The object frame as it was given; None where the start was estimated."""
     place: PlaceMemory
     """Of the registration's model frame."""
+    likeness: float = 1.0
+    """Of the surface and the category, at the last look: see `CategoryShape`. 1 while the object
+    frame is about where it was given."""
     count: StateCount = field(default_factory=StateCount)
     stands: bool = False
     """What was found again is where the lost object stood, as far as that could be told."""
@@ -52,6 +52,12 @@ class TrackerMemory:
     def extents(self) -> Float[np.ndarray, "3"]:
         """Of the object's box, as believed now [m]."""
         return self.shape * self.canonical.scale
+
+    @property
+    def seen_points(self) -> Float[np.ndarray, "P 3"]:
+        """Of the surface as seen so far, in the object frame [m]."""
+        T_obj_model = invert_transform(self.canonical.T_model_obj)
+        return transform_points(T_obj_model, self.surface.memory.surface.cloud.points)
 
     def T_cam_obj(self, surface: Track) -> Float[np.ndarray, "4 4"]:
         """The object where the registration puts its surface."""
